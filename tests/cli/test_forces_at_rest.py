@@ -15,12 +15,11 @@ SHOULDER, ELBOW = np.deg2rad(30.0), np.deg2rad(20.0)
 
 
 @pytest.fixture
-def peaks(mechsim, tmp_path):
+def peaks(mechsim, file):
     def run(source, *options):
         if "\n" in source:
-            path = tmp_path / "file.toml"
-            path.write_text(source)
-            source = str(path)
+            path = file(source)
+            source = path
         output = mechsim("dynamics", "inverse", source, "--json", "--samples", "6", *options)
         data = json.loads(output.out)
         assert data["passed"]
@@ -67,11 +66,10 @@ def test_a_slider_crank_at_rest_holds_a_force_on_the_slider(peaks, tmp_path):
     assert abs(data["drives"]["crank"]["largest"]) == pytest.approx(force * rate)
 
 
-def test_certify_takes_open_chains(mechsim, tmp_path):
+def test_certify_takes_open_chains(mechsim, file):
     """Two serial joints: the drivers give every coordinate, whatever the lengths."""
-    arm = tmp_path / "arm.toml"
-    arm.write_text(ARM)
-    data = json.loads(mechsim("certify", str(arm), "--json").out)
+    arm = file(ARM)
+    data = json.loads(mechsim("certify", arm, "--json").out)
     assert (data["certified"], data["proven"], data["equations"]) == (True, pytest.approx(1.0), 0)
     assert data["tube"] == 0.0
 

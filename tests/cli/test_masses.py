@@ -17,10 +17,9 @@ SCENE = model_text("masses_scene.xml")
 
 
 @pytest.fixture
-def press(tmp_path):
-    path = tmp_path / "press.toml"
-    path.write_text(SLIDER)
-    return str(path)
+def press(file):
+    path = file(SLIDER)
+    return path
 
 
 def test_masses_are_listed_with_their_source(press):
@@ -38,10 +37,9 @@ def test_masses_are_listed_with_their_source(press):
     assert driven(model.mechanism, model.forces, speed=1.0, samples=4).masses == model.masses
 
 
-def test_a_massless_link_of_a_scene_is_listed_as_zero(tmp_path):
-    path = tmp_path / "pair.xml"
-    path.write_text(SCENE)
-    solver = ms.load(str(path), lock={"tip": 0.0})
+def test_a_massless_link_of_a_scene_is_listed_as_zero(file):
+    path = file(SCENE)
+    solver = ms.load(path, lock={"tip": 0.0})
     assert {item.link: item.source for item in masses_of(solver.mechanism)} == {"arm": "given", "tip": "zero"}
     assert summary(masses_of(solver.mechanism)) == "masses: arm given, 2 kg; tip zero in the file"
 

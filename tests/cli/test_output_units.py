@@ -12,10 +12,9 @@ ARM = model_text("output_units_arm.toml")
 
 
 @pytest.fixture
-def press(tmp_path):
-    path = tmp_path / "press.toml"
-    path.write_text(ARM)
-    return str(path)
+def press(file):
+    path = file(ARM)
+    return path
 
 
 def test_cells_of_designs_need_units_for_a_file_in_mm(mechsim, press, tmp_path):

@@ -4,8 +4,10 @@ import json
 import re
 
 import pytest
+from model_files import model_text
 from valid_scene import SOUND, changed
 
+from mechsim import files
 from mechsim.errors import InputError
 
 COMPLIANT = changed(('solref="0.002 1"\n             solimp="0.9999 0.9999 0.001 0.5 2"', ""))
@@ -87,3 +89,15 @@ def test_a_late_rejection_writes_no_file(mechsim, file, tmp_path, monkeypatch):
             code, _, err = mechsim("simulate", file(SOUND), *DRIVEN, "-o", "run.csv")
         assert (code, err) == (2, "mechsim: no\n")
         assert not (tmp_path / "run.csv").exists()
+
+
+# a five-bar with one driven arm
+ONE_DRIVER = model_text("undetermined_one_driver.toml")
+
+
+def test_an_underdetermined_crank_is_stepped_from_its_start(mechsim, tmp_path):
+    (tmp_path / "five.toml").write_text(ONE_DRIVER)
+    answer = mechsim("simulate", "five.toml", "--method", "step", "--turns", "0.02", "-o", "run.csv")
+    assert (answer.code, "PASS" in answer.out) == (0, True)
+    assert files.read(str(tmp_path / "run.csv"))["angle"][0] == pytest.approx(2.0, abs=1e-12)
+    assert "right can still move" in mechsim("solve", "five.toml", "--angles", "2").err

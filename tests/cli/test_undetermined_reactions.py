@@ -17,11 +17,10 @@ SHAFT = model_text("undetermined_reactions_shaft.toml")
 
 
 @pytest.fixture
-def facts_of(tmp_path):
+def facts_of(file):
     def facts(text, **options):
-        path = tmp_path / "file.toml"
-        path.write_text(text)
-        model = ms.dynamics.dynamic_model(ms.load(str(path)), **options)
+        path = file(text)
+        model = ms.dynamics.dynamic_model(ms.load(path), **options)
         study = ms.dynamics.prescribed(model, t=[0.0, 0.1])
         return study, study_facts(study)
 
@@ -82,18 +81,17 @@ def test_determined_reactions_have_no_mark_and_no_sum(facts_of):
     assert own["force"]["largest"] == pytest.approx(np.hypot(20.0 * 9.81, 8.0))
 
 
-def test_the_command_states_undetermined_reactions_and_their_sum(mechsim, tmp_path):
-    path = tmp_path / "door.toml"
-    path.write_text(
+def test_the_command_states_undetermined_reactions_and_their_sum(mechsim, file):
+    path = file(
         DOOR
         + model_text("undetermined_reactions_hinge.toml", i=0, z=0)
         + model_text("undetermined_reactions_hinge.toml", i=1, z=2)
     )
-    out = mechsim("dynamics", "inverse", str(path), "--method", "none").out
+    out = mechsim("dynamics", "inverse", path, "--method", "none").out
     (row,) = (line for line in out.splitlines() if line.strip().startswith("force sum of"))
     assert "196.4" in row
     assert "of minimum norm" in out
-    reported = json.loads(mechsim("dynamics", "inverse", str(path), "--method", "none", "--json").out)
+    reported = json.loads(mechsim("dynamics", "inverse", path, "--method", "none", "--json").out)
     assert reported["sums"]["hinge0 + hinge1"]["force"]["largest"] == pytest.approx(np.hypot(196.2, 8.0))
     assert reported["reactions"]["hinge1"]["force"]["largest"] > 98.1
 

@@ -91,13 +91,12 @@ def test_a_loop_of_balls_is_driven_by_the_rotation_of_a_link(tmp_path, name, tex
 BAR = model_text("balls_alone_bar.toml")
 
 
-def test_what_moves_a_point_at_the_bottom_of_its_path_is_undetermined(tmp_path):
-    path = tmp_path / "bar.toml"
-    path.write_text(BAR)
+def test_what_moves_a_point_at_the_bottom_of_its_path_is_undetermined(file):
+    path = file(BAR)
     law = {"P.y": "0.3*sin(2*pi*t)"}
     with pytest.raises(MobilityError, match=r"P\.x and P\.z can still move"):
-        ms.load(str(path), drive=law).solve(t=np.linspace(0.0, 1.0, 5))
-    solver = ms.load(str(path), drive=law, lock_others=True)
+        ms.load(path, drive=law).solve(t=np.linspace(0.0, 1.0, 5))
+    solver = ms.load(path, drive=law, lock_others=True)
     height = solver.solve(t=np.array([0.0, 0.25])).points["P"].position[1, 2]
     # rope a is locked with its ball A: x^2 + (z + 1)^2 = 0.16, and x + z + 1 = 0.5 by the sphere about D
     assert height == pytest.approx(-0.75 - np.sqrt(0.0175), abs=1e-12)
@@ -108,10 +107,9 @@ BAR_XML = model_text("balls_alone_bar.xml")
 
 
 @pytest.mark.long
-def test_a_twin_in_mjcf_moves_alike_and_agrees_with_mujoco(tmp_path):
-    path = tmp_path / "bar.xml"
-    path.write_text(BAR_XML)
-    solver = ms.load(str(path), drive={"P.y": "0.3*sin(2*pi*t)"}, lock_others=True)
+def test_a_twin_in_mjcf_moves_alike_and_agrees_with_mujoco(file):
+    path = file(BAR_XML)
+    solver = ms.load(path, drive={"P.y": "0.3*sin(2*pi*t)"}, lock_others=True)
     height = solver.solve(t=np.array([0.0, 0.25])).points["P"].position[1, 2]
     assert height == pytest.approx(-0.75 - np.sqrt(0.0175), abs=1e-12)
     validation = ms.validate(solver)
@@ -119,11 +117,10 @@ def test_a_twin_in_mjcf_moves_alike_and_agrees_with_mujoco(tmp_path):
     assert len(validation.checks) == 16
 
 
-def test_the_equations_of_a_driven_link_are_not_drawn(tmp_path):
-    path = tmp_path / "rod.toml"
-    path.write_text(ROD_TOML)
+def test_the_equations_of_a_driven_link_are_not_drawn(file):
+    path = file(ROD_TOML)
     drawn, driven = (
-        link_shapes(ms.load(str(path), drive=laws, still=True).mechanism)
+        link_shapes(ms.load(path, drive=laws, still=True).mechanism)
         for laws in ({}, {"a.rx": "0.3*sin(2*pi*t)"})
     )
     assert [len(shapes) for shapes in driven.values() if shapes] == [len(shapes) for shapes in drawn.values()]

@@ -15,10 +15,9 @@ LEG = model_text("folded_start_leg.xml")
 
 
 @pytest.fixture
-def leg(tmp_path):
-    path = tmp_path / "leg.xml"
-    path.write_text(LEG)
-    return str(path)
+def leg(file):
+    path = file(LEG)
+    return path
 
 
 def test_a_ram_of_a_folded_leg_drives_it(leg):

@@ -13,9 +13,8 @@ SPEED, ANGLES = 1.0, np.array([0.7, 1.5, 2.6])
 
 
 @pytest.fixture
-def press(tmp_path):
-    path = tmp_path / "press.toml"
-    path.write_text(PRESS)
+def press(file):
+    path = file(PRESS)
     return path
 
 

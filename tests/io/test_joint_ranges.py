@@ -12,11 +12,10 @@ ARM = model_text("joint_ranges_arm.xml")
 
 
 @pytest.fixture
-def arm(tmp_path):
+def arm(file):
     def made(value, text=ARM):
-        path = tmp_path / "arm.xml"
-        path.write_text(text)
-        return ms.load(str(path), drive={"crank": "0.3*sin(t)"}, lock={"wrist": value})
+        path = file(text)
+        return ms.load(path, drive={"crank": "0.3*sin(t)"}, lock={"wrist": value})
 
     return made
 

@@ -22,10 +22,9 @@ LOCKED = ("lift", "neck", "rail", "loose")
 
 
 @pytest.fixture
-def boom(tmp_path):
-    path = tmp_path / "boom.xml"
-    path.write_text(BOOM)
-    return str(path)
+def boom(file):
+    path = file(BOOM)
+    return path
 
 
 def tip(key, rotation):
@@ -93,10 +92,9 @@ def test_a_base_fixed_in_a_tuned_model_does_not_collide_with_its_children(tmp_pa
 ARM = model_text("locked_ball_joints_arm.toml")
 
 
-def test_a_locked_ball_joint_connects_its_links_rigidly(tmp_path):
-    path = tmp_path / "arm.toml"
-    path.write_text(ARM)
-    solver = load(str(path), lock=["neck"])
+def test_a_locked_ball_joint_connects_its_links_rigidly(file):
+    path = file(ARM)
+    solver = load(path, lock=["neck"])
     position = solver.positions([0.0, 1.2])["tip"]
     c, s = np.cos(1.2), np.sin(1.2)
     np.testing.assert_allclose(
@@ -108,4 +106,4 @@ def test_a_locked_ball_joint_connects_its_links_rigidly(tmp_path):
         np.testing.assert_allclose(run.motion.points["tip"].position[0], position[0], atol=1e-13)
         assert np.ptp(np.linalg.norm(run.motion.points["tip"].position, axis=1)) < 1e-9
     with pytest.raises(InputError, match="'neck' rotates about every axis, so that no single value locks it"):
-        load(str(path), lock={"neck": "10deg"})
+        load(path, lock={"neck": "10deg"})

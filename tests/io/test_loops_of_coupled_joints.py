@@ -71,10 +71,9 @@ RING = model_text("loops_of_coupled_joints_ring.toml")
 
 
 def test_an_inconsistent_ring_of_gears_is_reported_as_immobile(
-    tmp_path: Path,
+    file,
 ) -> None:
-    path = tmp_path / "ring.toml"
-    path.write_text(RING)
-    assert ms.load(str(path)).solve([0.7]).joints["third"].value[0] == pytest.approx(0.7, abs=1e-14)
+    path = file(RING)
+    assert ms.load(path).solve([0.7]).joints["third"].value[0] == pytest.approx(0.7, abs=1e-14)
     with pytest.raises(MobilityError, match="couplings leave crank no degree of freedom"):
-        ms.load(str(path), set={"back": 0.9}).solve([0.7])
+        ms.load(path, set={"back": 0.9}).solve([0.7])

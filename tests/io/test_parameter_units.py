@@ -38,14 +38,13 @@ def test_lengths_angles_and_plain_numbers_are_distinguished():
         ("reach", 0.1, 100.0),
     ],
 )
-def test_parameters_have_a_unit_or_are_in_si(tmp_path, name, text, value):
-    path = tmp_path / "arm.toml"
-    path.write_text(FILE)
+def test_parameters_have_a_unit_or_are_in_si(file, name, text, value):
+    path = file(FILE)
     if value is None:
         with pytest.raises(Exception, match="defined before"):
-            load(str(path), {name: text})
+            load(path, {name: text})
         return
-    assert load(str(path), {name: text}).parameters[name] == pytest.approx(value, rel=1e-15)
+    assert load(path, {name: text}).parameters[name] == pytest.approx(value, rel=1e-15)
 
 
 @pytest.mark.parametrize("document", [{}, {"parameters": 3}, {"parameters": {"a": [1]}, "joints": 4}])

@@ -102,16 +102,15 @@ def test_a_run_with_a_motion_law_is_compared_at_its_crank_angles(swinging):
 BOOM = model_text("times_of_motion_laws_boom.toml")
 
 
-def test_sweeps_measure_designs_at_times_of_motion_laws(tmp_path):
-    path = tmp_path / "boom.toml"
-    path.write_text(BOOM)
+def test_sweeps_measure_designs_at_times_of_motion_laws(tmp_path, file):
+    path = file(BOOM)
     function = f"{tmp_path / 'fastest.py'}:fastest"
     (tmp_path / "fastest.py").write_text(
         "def fastest(motion):\n    return motion.points['tip'].velocity[:, 0].max()\n"
     )
     arms = [0.4, 0.6]
-    table = ms.sweep(str(path), {"arm": arms}, ["at:0.5:tip.x", "at:500ms:tip.y"], samples=20)
-    alone = ms.sweep(str(path), {"arm": arms}, ["max:tip.vx", function], samples=20)
+    table = ms.sweep(path, {"arm": arms}, ["at:0.5:tip.x", "at:500ms:tip.y"], samples=20)
+    alone = ms.sweep(path, {"arm": arms}, ["max:tip.vx", function], samples=20)
     for i, arm in enumerate(arms):
         solver = ms.load(path, {"arm": arm})
         position = solver.positions(t=[0.5])["tip"][0]

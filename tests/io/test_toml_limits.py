@@ -35,9 +35,8 @@ def test_each_joint_has_its_own_restitution(tmp_path):
     assert np.abs(np.array(events) - fall * np.array([2.0, 2.6])).max() < 1e-9
 
 
-def test_limits_are_written_and_read_back(tmp_path):
+def test_limits_are_written_and_read_back(tmp_path, file):
     solver = ball(tmp_path, '{ lower = "-1 mm", upper = "2 m", restitution = 0.25 }')
-    again = tmp_path / "again.toml"
-    again.write_text(to_toml(solver))
-    read = ms.load(str(again), still=True)
+    again = file(to_toml(solver))
+    read = ms.load(again, still=True)
     assert (read.ranges, read.restitution) == ({"height": (-0.001, 2.0)}, {"height": 0.25})

@@ -88,10 +88,9 @@ PRESS = model_text("toml_writer_press.toml")
 
 
 @pytest.fixture
-def press(tmp_path):
-    path = tmp_path / "press.toml"
-    path.write_text(PRESS)
-    return ms.load(str(path))
+def press(file):
+    path = file(PRESS)
+    return ms.load(path)
 
 
 def test_couplings_are_read_in_si(press):
@@ -127,10 +126,9 @@ def test_motion_laws_of_a_file_use_its_units_and_parameters(press):
     assert press.motion_laws.duration == 0.5
 
 
-def test_all_contents_are_read_back_exactly(press, tmp_path):
-    path = tmp_path / "again.toml"
-    path.write_text(to_toml(press))
-    again = ms.load(str(path))
+def test_all_contents_are_read_back_exactly(press, file):
+    path = file(to_toml(press))
+    again = ms.load(path)
     assert identical(again.mechanism, press.mechanism)
     assert again.motion_laws.duration == press.motion_laws.duration
     time = np.linspace(0.0, 0.5, 11)

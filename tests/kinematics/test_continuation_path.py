@@ -10,13 +10,10 @@ from mechanisms import three_cranks
 from motions import largest_difference, started_at
 
 import mechsim as ms
-from mechsim import catalog, loops
-from mechsim.errors import AssemblyError, InputError
+from mechsim import loops
 from mechsim.kinematics.loops.motion import driven_path
 from mechsim.kinematics.solvers import KinematicSolver
-from mechsim.mechanism.joints import End, Joint
-from mechsim.mechanism.links import GROUND, Link, Pose
-from mechsim.mechanism.mechanism import Mechanism
+from mechsim.mechanism.links import GROUND
 from mechsim.numerics import continuation
 from mechsim.numerics.loop_solver import Linearised, LoopSolver, loop_solver
 from mechsim.numerics.path_segments import CONTROL
@@ -38,7 +35,7 @@ def segments_tried(path, stops):
 
 @pytest.mark.parametrize(("name", "most"), [("four_bar", 25), ("rssr", 39), ("slider_crank", 22)])
 def test_a_smooth_path_needs_few_segments_and_none_is_rejected(name, most):
-    path = driven_path(catalog.make(name).mechanism)
+    path = driven_path(ms.catalog.make(name).mechanism)
     tried, accepted = segments_tried(path, (1.0, 4.0, 2 * np.pi, -1.0, -2 * np.pi))
     # measured 24, 37 and 21: the smoothness of a segment limits the length of the next
     assert tried == accepted <= most
@@ -48,7 +45,7 @@ def test_a_smooth_path_needs_few_segments_and_none_is_rejected(name, most):
 
 
 def test_a_path_is_traced_backwards_only_near_a_change_point():
-    path = driven_path(catalog.make("four_bar").mechanism)
+    path = driven_path(ms.catalog.make("four_bar").mechanism)
     path.extend(path.initial)
     assert not path.segments[-1]
     ((solver, which, rows),) = path.chunks(np.array([path.initial, path.initial]))
@@ -61,7 +58,7 @@ def test_a_path_is_traced_backwards_only_near_a_change_point():
 
 
 def test_the_tangent_predictor_has_second_order():
-    mechanism = catalog.make("rssr").mechanism
+    mechanism = ms.catalog.make("rssr").mechanism
     path = driven_path(mechanism)
     start = path.initial
     solver = loop_solver(path.loops, path.start)
@@ -81,7 +78,7 @@ def test_the_tangent_predictor_has_second_order():
 
 @pytest.mark.parametrize(("moved", "before"), [(0.01, 0.3), (0.06, 0.2), (0.004, 0.9)])
 def test_step_control_reaches_the_target_correction(moved, before):
-    path, step = driven_path(catalog.make("four_bar").mechanism), 0.4
+    path, step = driven_path(ms.catalog.make("four_bar").mechanism), 0.4
     path.reach(path.initial + 0.3, 1)
     path.segments[1][-1] = path.segments[1][-1].restricted(path.initial, path.initial + before)
     growth = path.growth(step, 1, np.zeros(1), np.array([moved]))[0]
@@ -98,7 +95,7 @@ def test_step_control_reaches_the_target_correction(moved, before):
 
 @pytest.mark.parametrize(("ratio", "accepted"), [(0.19, False), (0.21, True)])
 def test_a_segment_that_loses_most_of_its_rank_margin_is_halved(ratio, accepted, monkeypatch):
-    path = driven_path(catalog.make("four_bar").mechanism)
+    path = driven_path(ms.catalog.make("four_bar").mechanism)
     monkeypatch.setattr(LoopSolver, "share", lambda *_: np.linspace(3.0 * ratio, 3.0, CONTROL.nodes))
     segment, length = path.next_segment(path.initial, 1, 0.05)
     assert (segment is not None) == accepted
@@ -108,7 +105,7 @@ def test_a_segment_that_loses_most_of_its_rank_margin_is_halved(ratio, accepted,
 @pytest.mark.parametrize("passing", ["smooth", "branch"])
 @pytest.mark.parametrize(("direction", "to"), [(1, 8.0), (-1, -2.0)])
 def test_segments_are_dropped_back_to_the_last_change_point(direction, to, passing):
-    linkage = catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.12, rocker=0.06)
+    linkage = ms.catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.12, rocker=0.06)
     mechanism = started_at(linkage.mechanism, loops.solve(linkage.mechanism, [0.5]))
     path = driven_path(mechanism, change_point=passing)
     assert not path.drop_last_segment(direction)
@@ -132,7 +129,7 @@ def test_segments_are_dropped_back_to_the_last_change_point(direction, to, passi
 
 
 def test_a_parallelogram_keeps_its_assembly_mode_over_revolutions():
-    linkage = catalog.make("four_bar", ground=0.1, crank=0.045, coupler=0.1, rocker=0.045, branch=1)
+    linkage = ms.catalog.make("four_bar", ground=0.1, crank=0.045, coupler=0.1, rocker=0.045, branch=1)
     mechanism = linkage.mechanism
     path = driven_path(mechanism)
     path.extend(7.0)
@@ -164,7 +161,7 @@ HIGH_CURVATURE = {
 @pytest.mark.parametrize("which", HIGH_CURVATURE)
 def test_a_path_of_high_curvature_is_resolved(which):
     lengths = HIGH_CURVATURE[which]
-    mechanism = catalog.make("four_bar", **named(lengths)).mechanism
+    mechanism = ms.catalog.make("four_bar", **named(lengths)).mechanism
     angles = np.unique([*np.linspace(-4.0, 4.0, 33), *np.linspace(-0.02, 0.02, 21), 1e-6, -1e-9])
     result = loops.solve(mechanism, angles).points["B"].position
     with mpmath.workdps(40):
@@ -176,7 +173,7 @@ def test_a_path_of_high_curvature_is_resolved(which):
 @pytest.mark.long
 @pytest.mark.parametrize("start", np.linspace(-2.0, -0.4, 9))
 def test_change_points_are_detected_from_any_start(start):
-    linkage = catalog.make("four_bar", ground=0.1, crank=0.06, coupler=0.1, rocker=0.06, branch=-1)
+    linkage = ms.catalog.make("four_bar", ground=0.1, crank=0.06, coupler=0.1, rocker=0.06, branch=-1)
     path = driven_path(started_at(linkage.mechanism, loops.solve(linkage.mechanism, [start])))
     path.extend(7.0)
     path.extend(-7.0)
@@ -197,7 +194,7 @@ def test_change_points_are_detected_from_any_start(start):
 
 
 def test_a_change_point_between_two_segments_is_bracketed_again(monkeypatch):
-    path = driven_path(catalog.make("four_bar").mechanism)
+    path = driven_path(ms.catalog.make("four_bar").mechanism)
     signed_distance, hidden = Linearised.signed_distance.func, []
 
     def wrong_sign(loops):
@@ -216,7 +213,7 @@ def test_a_change_point_between_two_segments_is_bracketed_again(monkeypatch):
 
 @pytest.mark.parametrize("off", [3e-3, -2e-5])
 def test_a_path_can_start_close_to_a_change_point(off):
-    linkage = catalog.make("four_bar", ground=0.1, crank=0.06, coupler=0.1, rocker=0.06)
+    linkage = ms.catalog.make("four_bar", ground=0.1, crank=0.06, coupler=0.1, rocker=0.06)
     close = started_at(linkage.mechanism, loops.solve(linkage.mechanism, [off]))
     result = loops.solve(close, ANGLES).points["B"].position
     assert np.abs(result - linkage.positions(ANGLES)["B"]).max() <= 1e-12 * close.characteristic_length
@@ -227,23 +224,23 @@ def test_a_path_can_start_close_to_a_change_point(off):
     [*((angle, "since its start, .* start elsewhere") for angle in (0.0, np.pi)), (1e-7, "start elsewhere")],
 )
 def test_a_start_at_a_change_point_is_rejected(off, output):
-    linkage = catalog.make("four_bar", ground=0.1, crank=0.06, coupler=0.1, rocker=0.06)
-    with pytest.raises(AssemblyError, match=f"rad.*{output}"):
+    linkage = ms.catalog.make("four_bar", ground=0.1, crank=0.06, coupler=0.1, rocker=0.06)
+    with pytest.raises(ms.AssemblyError, match=f"rad.*{output}"):
         loops.solve(started_at(linkage.mechanism, linkage.solve([off])), [-1.0, 1.0])
 
 
 def test_a_path_beyond_a_dead_centre_is_rejected_with_a_remedy():
-    linkage = catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.12, rocker=0.055)
+    linkage = ms.catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.12, rocker=0.055)
     ((_, high),) = linkage.crank_range().arcs
     path = driven_path(started_at(linkage.mechanism, linkage.solve([high - 5e-4])))
-    with pytest.raises(AssemblyError, match=r"cannot pass .*; stay on this side of the dead centre"):
+    with pytest.raises(ms.AssemblyError, match=r"cannot pass .*; stay on this side of the dead centre"):
         path.extend(high + 0.5)
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("excess", [1e-3, 1e-6, 1e-9, 1e-12])
 def test_the_assembly_mode_is_kept_close_to_a_change_point(excess):
-    linkage = catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.12, rocker=0.06 + excess)
+    linkage = ms.catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.12, rocker=0.06 + excess)
     assert linkage.crank_range().full
     angles = np.linspace(-np.pi, 3 * np.pi, 64)
     result, exact = loops.solve(linkage.mechanism, angles), linkage.solve(angles)
@@ -254,11 +251,11 @@ def test_the_assembly_mode_is_kept_close_to_a_change_point(excess):
 @pytest.mark.long
 @pytest.mark.parametrize("deficit", [1e-4, 1e-6, 1e-9])
 def test_a_path_ends_at_a_dead_centre_close_to_a_change_point(deficit):
-    linkage = catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.12, rocker=0.06 - deficit)
+    linkage = ms.catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.12, rocker=0.06 - deficit)
     ((low, high),) = linkage.crank_range().arcs
     assert high - low < 2 * np.pi
     path = driven_path(linkage.mechanism)
-    with pytest.raises(AssemblyError, match="cannot pass") as error:
+    with pytest.raises(ms.AssemblyError, match="cannot pass") as error:
         path.extend(high + 2.0 * (2 * np.pi - (high - low)))
     output = float(str(error.value).split("cannot pass ")[1].split()[0])
     assert output == pytest.approx(high, abs=1e-6)
@@ -268,21 +265,23 @@ def sarrus(start, length=0.05):
     """Return a Sarrus linkage: two chains in vertical planes carry a platform; singular at pi / 2."""
     folds = (((1.0, 0.0, 0.0), (0.0, -1.0, 0.0)), ((0.0, 1.0, 0.0), (1.0, 0.0, 0.0)))
     high = 2.0 * length * np.sin(start)
-    links, joints = [Link("platform")], []
-    guess = {"platform": Pose(np.array([0.0, 0.0, high]), np.eye(3))}
+    links, joints = [ms.Link("platform")], []
+    guess = {"platform": ms.Pose(np.array([0.0, 0.0, high]), np.eye(3))}
     for k, (out, axis) in enumerate(folds):
         base, tip = 0.1 * np.array(out), tuple(length * np.array(out))
         lower, upper = f"lower{k}", f"upper{k}"
-        links += [Link(lower), Link(upper)]
+        links += [ms.Link(lower), ms.Link(upper)]
         joints += [
-            Joint(("crank", "base")[k], "revolute", End(GROUND, tuple(base), axis), End(lower, axis=axis)),
-            Joint(f"knee{k}", "revolute", End(lower, tip, axis), End(upper, tip, axis)),
-            Joint(f"top{k}", "revolute", End(upper, axis=axis), End("platform", tuple(base), axis)),
+            ms.Joint(
+                ("crank", "base")[k], "revolute", ms.End(GROUND, tuple(base), axis), ms.End(lower, axis=axis)
+            ),
+            ms.Joint(f"knee{k}", "revolute", ms.End(lower, tip, axis), ms.End(upper, tip, axis)),
+            ms.Joint(f"top{k}", "revolute", ms.End(upper, axis=axis), ms.End("platform", tuple(base), axis)),
         ]
-        guess[lower] = Pose(base, rotation_about(axis, start))
-        guess[upper] = Pose(base + np.array([0.0, 0.0, high]), rotation_about(axis, -start))
+        guess[lower] = ms.Pose(base, rotation_about(axis, start))
+        guess[upper] = ms.Pose(base + np.array([0.0, 0.0, high]), rotation_about(axis, -start))
     point = {"P": ("platform", (0.0, 0.0, 0.0))}
-    return Mechanism("sarrus", tuple(links), tuple(joints), "crank", point, guess=guess, start=start)
+    return ms.Mechanism("sarrus", tuple(links), tuple(joints), "crank", point, guess=guess, start=start)
 
 
 def rotation_about(axis, angle):
@@ -373,7 +372,7 @@ def test_a_path_of_very_short_segments_ends_with_the_reason(tmp_path, monkeypatc
     high = tmp_path / "high.toml"
     high.write_text(text.replace("lift = 12\n", "lift = 1e12\n"), encoding="utf-8")
     monkeypatch.setattr(continuation, "MAX_ATTEMPTS", 300)
-    with pytest.raises(InputError, match=r"beyond 0\.0\d+ rad: 300 steps advanced by 0\.0\d+ of the path"):
+    with pytest.raises(ms.InputError, match=r"beyond 0\.0\d+ rad: 300 steps advanced by 0\.0\d+ of the path"):
         ms.load(high).crank_range()
     # the limit is on the advance: the same number of attempts is enough for the lift of the file
     assert ms.load(GALLERY / "cam_follower.toml").crank_range().full

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from model_files import model_text
+from model_files import model_text, stated_mechanism
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
@@ -34,15 +34,9 @@ MOUNT = ms.Bushing(
     tuple(map(tuple, STIFFNESS)),
     tuple(map(tuple, DAMPING)),
 )
+# the block of this mass and these moments
+BLOCK = stated_mechanism("bushings_block.toml")
 WITH_MOUNT = ms.Forces(gravity=tuple(GRAVITY), bushings=(MOUNT,))
-
-
-def floating_block():
-    inertia = ms.Inertia(MASS, tuple(CENTRE), tuple(map(tuple, MOMENTS)))
-    joint = ms.Joint("free", "floating", ms.End(GROUND), ms.End("block"))
-    return ms.Mechanism(
-        "block", (ms.Link("block", inertia=inertia),), (joint,), (), {"P": ("block", (0.1, 0.05, 0.02))}
-    )
 
 
 def left_jacobian(vector):
@@ -85,7 +79,7 @@ START = {"free.q": (0.6, 0.3, -0.5, 0.8), "free.x": 0.01, "free.y": 0.02, "free.
 
 @pytest.mark.long
 def test_a_body_on_a_bushing_moves_as_by_newton_and_euler():
-    run = ms.dynamics.run(floating_block(), WITH_MOUNT, initial=START, duration=0.3)
+    run = ms.dynamics.run(BLOCK, WITH_MOUNT, initial=START, duration=0.3)
     link = run.motion.links["block"]
     begin = np.concatenate(
         [
@@ -104,9 +98,7 @@ def test_a_body_on_a_bushing_moves_as_by_newton_and_euler():
 
 def test_without_damping_the_energy_is_that_of_the_deflection():
     undamped = replace(MOUNT, damping=((0.0,) * 6,) * 6)
-    run = ms.dynamics.run(
-        floating_block(), replace(WITH_MOUNT, bushings=(undamped,)), initial=START, duration=1.0
-    )
+    run = ms.dynamics.run(BLOCK, replace(WITH_MOUNT, bushings=(undamped,)), initial=START, duration=1.0)
     link = run.motion.links["block"]
     moved = (
         link.position + link.rotation @ np.array(MOUNT.b.point) - np.array(MOUNT.a.point)
@@ -132,7 +124,7 @@ def between_two_links():
 
 
 def test_the_c_code_has_the_same_forces():
-    for source, forces in ((floating_block(), WITH_MOUNT), between_two_links()):
+    for source, forces in ((BLOCK, WITH_MOUNT), between_two_links()):
         model = ms.dynamics.dynamic_model(source, forces)
         equations = equations_of_motion(model)
         layout = StateLayout(equations)
@@ -162,7 +154,7 @@ def test_modes_are_those_of_six_oscillators():
     mount = ms.Bushing(
         "mount", ms.End(GROUND, (0.1, 0.0, 0.0)), ms.End("block", tuple(CENTRE)), diagonal(*stiffness)
     )
-    rest = ms.dynamics.equilibria(floating_block(), ms.Forces(bushings=(mount,)))[0]
+    rest = ms.dynamics.equilibria(BLOCK, ms.Forces(bushings=(mount,)))[0]
     assert rest.stable
     expected = np.sqrt(stiffness / np.append([MASS] * 3, np.diag(MOMENTS)))
     np.testing.assert_allclose(

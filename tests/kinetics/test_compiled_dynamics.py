@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from model_files import model_text
+from model_files import model_text, stated_mechanism
 from scipy.integrate import solve_ivp
 
 import mechsim as ms
@@ -25,7 +25,6 @@ from mechsim.mechanism.coupling_functions import TabledFunction, WrittenFunction
 from mechsim.mechanism.forces import Couple, Forces, Friction, JointSpring, Load, Spring, located
 from mechsim.mechanism.joint_kinds import KINDS, Kind
 from mechsim.mechanism.joints import Coupling, End, Joint
-from mechsim.mechanism.links import Pose
 from mechsim.mechanism.load_profile import constant, function, table
 from mechsim.mechanism.masses import slender_rod
 from mechsim.mechanism.motors import ConstantTorque, Controller, DCMotor, Geared, TorqueSpeedLine
@@ -310,10 +309,7 @@ def test_what_c_does_not_contain_runs_in_numpy_with_a_note():
 
 def test_a_body_on_a_rod_swings_with_the_period_of_a_pendulum():
     """A point mass on a rod of 1 m, released horizontally, has the period 4 K(1/2) sqrt(l / g)."""
-    bob = ms.Link("bob", inertia=ms.Inertia(1.0, (0.0, 0.0, 0.0), ((0.0,) * 3,) * 3))
-    rod = ms.Joint("rod", "distance", ms.End("ground"), ms.End("bob"), length=1.0)
-    pose = {"bob": Pose(np.array([1.0, 0.0, 0.0]), np.eye(3))}
-    pendulum = ms.Mechanism("pendulum", (bob,), (rod,), (), {"P": ("bob", (0.0, 0.0, 0.0))}, guess=pose)
+    pendulum = stated_mechanism("compiled_dynamics_bob.toml")
     run = ms.dynamics.run(pendulum, duration=2.367841947576237, samples=1)
     assert (run.executed, run.note) == ("C", "")
     assert np.abs(run.motion.points["P"].position[-1] - [1.0, 0.0, 0.0]).max() < 1e-12

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from model_files import stated_mechanism
 from scipy.integrate import quad, solve_ivp
 from scipy.special import ellipj, ellipk
 
@@ -163,34 +164,14 @@ def test_a_body_that_starts_near_its_unstable_axis():
     assert np.abs(own - exact)[-1].max() < 1e-9
 
 
-def rssr(moments):
-    """Return an RSSR linkage without gravity whose rod is two halves of 1 kg at its ends."""
-    ends = [
-        ms.Joint("crank", "revolute", ms.End(GROUND), ms.End("crank")),
-        ms.Joint("s1", "spherical", ms.End("crank", (0.1, 0.0, 0.0)), ms.End("rod")),
-        ms.Joint("s2", "spherical", ms.End("rod", (0.4, 0.0, 0.0)), ms.End("rocker", (0.25, 0.0, 0.0))),
-        ms.Joint(
-            "rocker",
-            "revolute",
-            ms.End(GROUND, (0.35, 0.1, 0.1), (0.0, 1.0, 0.0)),
-            ms.End("rocker", (0, 0, 0), (0, 1, 0)),
-        ),
-    ]
-    arm = ((0.01, 0.0, 0.0), (0.0, 0.01, 0.0), (0.0, 0.0, 0.01))
-    links = (
-        ms.Link("crank", inertia=ms.Inertia(1.0, (0.0, 0.0, 0.0), arm)),
-        ms.Link(
-            "rod", inertia=ms.Inertia(1.0, (0.2, 0.0, 0.0), tuple(tuple(row) for row in np.diag(moments)))
-        ),
-        ms.Link("rocker", inertia=ms.Inertia(1.0, (0.0, 0.0, 0.0), arm)),
-    )
-    return ms.Mechanism("rssr", links, tuple(ends), "crank", {})
-
-
 def test_rod_that_spins_passively():
     """A dumbbell between two balls has no moment about its line: energy and constraint are in closed form."""
     run = ms.dynamics.run(
-        rssr((0.0, 0.04, 0.04)), ms.Forces(), initial={"crank.v": 3.0}, duration=1.5, samples=60
+        stated_mechanism("free_bodies_rssr.toml"),
+        ms.Forces(),
+        initial={"crank.v": 3.0},
+        duration=1.5,
+        samples=60,
     )
     crank, rocker = (run.motion.joints[name] for name in ("crank", "rocker"))
     ends = np.stack(

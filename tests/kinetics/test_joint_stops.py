@@ -146,14 +146,11 @@ def test_friction_of_a_joint_at_its_stop(friction, moves):
     assert run.lost[-1] == pytest.approx(expected, rel=1e-9, abs=1e-12)
 
 
-def test_a_motion_law_that_drives_a_joint_beyond_its_stop_fails(tmp_path):
-    path = tmp_path / "arm.xml"
-    path.write_text(
-        """<mujoco><compiler angle="radian"/><worldbody><body><joint name="j" range="-1 0.3"/>
+def test_a_motion_law_that_drives_a_joint_beyond_its_stop_fails(file):
+    path = file("""<mujoco><compiler angle="radian"/><worldbody><body><joint name="j" range="-1 0.3"/>
         <geom type="capsule" fromto="0 0 0 0.6 0 0" size="0.02"/><site name="P" pos="0.6 0 0"/>
-        </body></worldbody></mujoco>"""
-    )
-    model = ms.load(str(path), drive={"j": "0.5rad*sin(2*pi*t)"}, duration="0.05s")
+        </body></worldbody></mujoco>""")
+    model = ms.load(path, drive={"j": "0.5rad*sin(2*pi*t)"}, duration="0.05s")
     run = ms.dynamics.run(model, prescribed=["j"], duration="0.5s")
     assert run.outcome == "failed"
     assert "prescribed motion drives j beyond a stop" in run.reason

@@ -44,3 +44,12 @@ def test_motion_laws_of_other_drivers_are_rejected():
     laws.require_drivers(mechanism)
     with pytest.raises(ms.InputError, match="there are motion laws of left, right; the drivers are crank"):
         laws.require_drivers(ms.load("four_bar").mechanism)
+
+
+@pytest.mark.parametrize(("kind", "advised"), [("spherical", False), ("revolute", True)])
+def test_only_a_coordinate_is_advised_as_a_driver(kind, advised):
+    joint = ms.Joint("pivot", kind, ms.End("ground", (0.0, 0.0, 0.0)), ms.End("bob", (0.0, 0.0, 0.0)))
+    mechanism = ms.Mechanism(name="pendulum", links=(ms.Link("bob"),), joints=(joint,), driver=(), points={})
+    with pytest.raises(ms.InputError) as error:
+        CRANK.require_drivers(mechanism)
+    assert ("--drive JOINT=LAW" in str(error.value)) is advised

@@ -23,10 +23,9 @@ SCENE = model_text("file_bodies_scene.xml")
 
 
 @pytest.fixture
-def solver(tmp_path):
-    path = tmp_path / "arm.xml"
-    path.write_text(SCENE)
-    return ms.load(str(path))
+def solver(file):
+    path = file(SCENE)
+    return ms.load(path)
 
 
 def test_geoms_have_the_poses_and_colours_of_the_file(solver):
@@ -90,14 +89,13 @@ def test_every_solid_is_drawn_in_its_own_colour(solver):
     np.testing.assert_allclose(sorted(colours[i].tolist() for i in solids), sorted(expected), atol=1e-6)
 
 
-def test_a_body_as_light_as_the_background_is_drawn_darker(tmp_path):
-    path = tmp_path / "white.xml"
-    path.write_text(
+def test_a_body_as_light_as_the_background_is_drawn_darker(file):
+    path = file(
         SCENE.replace('size="0.1 0.02 0.03"', 'size="0.1 0.02 0.03" rgba="0.9 1 0.8 0.5"').replace(
             "0 0.5 0 1", "0.7 0.7 0.7 1"
         )
     )
-    bodies = file_bodies(ms.load(str(path)).source)
+    bodies = file_bodies(ms.load(path).source)
     (box,) = bodies["ground"]
     rgb = np.array(box.rgba[:3])
     assert rgb / rgb[1] == pytest.approx([0.9, 1.0, 0.8], abs=1e-6)

@@ -11,30 +11,27 @@ from drawing import draws
 from grids import grid
 from picture_colours import coloured, hues
 
-from mechsim import catalog, load
-from mechsim.errors import InputError, MissingToolError, OutputError
-from mechsim.mechanism.joints import End, Joint
-from mechsim.mechanism.links import GROUND, Link
-from mechsim.mechanism.mechanism import Mechanism
-from mechsim.mechanism.motion import LinkMotion, Motion
+import mechsim as ms
+from mechsim.errors import MissingToolError, OutputError
+from mechsim.mechanism.links import GROUND
+from mechsim.mechanism.motion import LinkMotion
 from mechsim.pictures import render
 from mechsim.pictures.render import gl_backend, video
 from mechsim.pictures.render.drawing import Source
 from mechsim.pictures.render.drawn_model import DrawnModel, drawn_as
 from mechsim.pictures.render.frame_poses import frame_poses
-from mechsim.pictures.render.look import Look
 from mechsim.shapes import camera
 from mechsim.shapes.body import link_colours, point_colours
 from mechsim.shapes.shape import PALETTE
 
-NAMES = list(catalog.MECHANISMS)
+NAMES = list(ms.catalog.MECHANISMS)
 ANGLES = np.linspace(0.0, 2.0 * np.pi, 37)
 SIZE = (320, 240)
 
 
 @pytest.fixture(scope="module")
 def linkage():
-    return catalog.make("rssr")
+    return ms.catalog.make("rssr")
 
 
 @pytest.fixture(scope="module")
@@ -44,9 +41,9 @@ def motion(linkage):
 
 def test_a_mechanism_higher_than_180_m_is_framed():
     """MuJoCo treats the height of a parallel camera as an angle and rejects 180 and more."""
-    linkage = catalog.make("four_bar", ground=1000.0, crank=320.0, coupler=910.0, rocker=740.0)
+    linkage = ms.catalog.make("four_bar", ground=1000.0, crank=320.0, coupler=910.0, rocker=740.0)
     drawn = DrawnModel(
-        linkage.mechanism, frame_poses(linkage.mechanism, linkage.solve(ANGLES, 60.0)), Look(size=SIZE)
+        linkage.mechanism, frame_poses(linkage.mechanism, linkage.solve(ANGLES, 60.0)), ms.Look(size=SIZE)
     )
     assert drawn.model.cam_fovy == pytest.approx([drawn.camera.height])
     assert drawn.camera.height > 180.0
@@ -60,11 +57,11 @@ def frames_of(mechanism, motion, **options):
 
 def crank_motion(angles, axis=(0.0, 0.0, 1.0)):
     tip = (0.03, 0.0, 0.0)
-    ends = End(GROUND, axis=axis), End("crank", axis=axis)
-    mechanism = Mechanism(
+    ends = ms.End(GROUND, axis=axis), ms.End("crank", axis=axis)
+    mechanism = ms.Mechanism(
         "lever",
-        (Link("crank", (tip,)),),
-        (Joint("crank", "revolute", *ends),),
+        (ms.Link("crank", (tip,)),),
+        (ms.Joint("crank", "revolute", *ends),),
         "crank",
         {"A": ("crank", tip)},
     )
@@ -79,7 +76,7 @@ def crank_motion(angles, axis=(0.0, 0.0, 1.0)):
     )
     link = LinkMotion(zero, rotation, zero, zero, zero, zero)
     still = np.zeros(len(angles))
-    return mechanism, Motion("closed form", angles, still, still, {}, {"crank": link})
+    return mechanism, ms.Motion("closed form", angles, still, still, {}, {"crank": link})
 
 
 def decoded(path, size):
@@ -104,7 +101,7 @@ def decoded(path, size):
 @draws
 @pytest.mark.parametrize("name", grid(NAMES, ("rssr",)))
 def test_every_link_is_visible_in_every_frame(name):
-    linkage = catalog.make(name)
+    linkage = ms.catalog.make(name)
     mechanism = linkage.mechanism
     for picture in frames_of(mechanism, linkage.solve(ANGLES[::12], 60.0)):
         for link, rgba in link_colours(mechanism).items():
@@ -121,7 +118,7 @@ def test_every_link_is_visible_in_every_frame(name):
     ],
 )
 def test_no_link_reaches_the_border(name, view):
-    linkage = catalog.make(name)
+    linkage = ms.catalog.make(name)
     for picture in frames_of(
         linkage.mechanism, linkage.solve(ANGLES[::36], 60.0), camera=view, paths="whole"
     ):
@@ -135,7 +132,7 @@ def test_no_link_reaches_the_border(name, view):
 def test_a_moving_point_is_drawn_at_its_projected_position():
     angles = np.linspace(0.0, 2.0 * np.pi, 9)
     mechanism, motion = crank_motion(angles)
-    stage = DrawnModel(mechanism, frame_poses(mechanism, motion), Look(size=SIZE, camera="shaft"))
+    stage = DrawnModel(mechanism, frame_poses(mechanism, motion), ms.Look(size=SIZE, camera="shaft"))
     pictures = frames_of(mechanism, motion, camera="shaft")
     for picture, pin, tip in zip(pictures, np.zeros((9, 3)), stage.frames.points["A"], strict=True):
         observed = np.argwhere(coloured(picture, PALETTE[0]))[:, ::-1] + 0.5  # pixel centres
@@ -193,7 +190,7 @@ def test_interpolated_frames_have_rigid_links(linkage):
 def test_all_points_are_inside_the_frame():
     rng = np.random.default_rng(5)
     for preset in camera.PRESETS:
-        mechanism = catalog.make("rssr").mechanism
+        mechanism = ms.catalog.make("rssr").mechanism
         back, up = camera.directions(mechanism, preset)
         points, radii = rng.normal(size=(50, 3)), rng.uniform(0.0, 0.3, 50)
         view = camera.framed(back, up, points, radii, (640, 360))
@@ -279,9 +276,9 @@ def test_a_path_without_extension_becomes_a_directory_of_pictures(linkage, motio
 
 @pytest.mark.parametrize("name", ["turn.avi", "turn.txt", "turn.png"])
 def test_unknown_video_extensions_are_rejected_before_drawing(name, linkage, motion, tmp_path):
-    with pytest.raises(InputError, match=r"is not one of .mp4, .webm, .gif"):
+    with pytest.raises(ms.InputError, match=r"is not one of .mp4, .webm, .gif"):
         render.write_video(tmp_path / name, linkage.mechanism, motion)
-    with pytest.raises(InputError, match="frames per second"):
+    with pytest.raises(ms.InputError, match="frames per second"):
         render.write_video(tmp_path / "a.mp4", linkage.mechanism, motion, fps=float("nan"))
     assert not list(tmp_path.iterdir())
 
@@ -331,7 +328,7 @@ sys.exit(code)
 
 
 def test_paths_pass_through_the_exact_curve_between_frames():
-    linkage = catalog.make("four_bar")
+    linkage = ms.catalog.make("four_bar")
     angles = np.linspace(0.0, 2.0 * np.pi, 6 * 60 + 1)
     motion = linkage.solve(angles, 60.0)
     frames = frame_poses(linkage.mechanism, motion, every=60)
@@ -353,17 +350,16 @@ def test_paths_pass_through_the_exact_curve_between_frames():
 
 
 def test_the_last_state_of_a_run_is_a_frame():
-    linkage = catalog.make("four_bar")
+    linkage = ms.catalog.make("four_bar")
     motion = linkage.solve(np.linspace(0.0, 1.0, 12), 60.0)
     frames = frame_poses(linkage.mechanism, motion, every=4)
     np.testing.assert_array_equal(frames.angle, motion.angle[[0, 4, 8, 11]])
-    with_ghost = Source(linkage.mechanism, motion, exact=motion, every=4).drawn(Look(size=SIZE))
+    with_ghost = Source(linkage.mechanism, motion, exact=motion, every=4).drawn(ms.Look(size=SIZE))
     assert with_ghost.ghost is not None
     assert len(with_ghost.ghost.poses["rocker"].position) == 4
 
 
 def test_the_ring_of_a_bushing_lies_about_its_core():
-    import mechsim as ms
     from mechsim.shapes.joints import link_shapes
 
     solver = ms.catalog.make("slider_crank")
@@ -380,8 +376,8 @@ def test_the_ring_of_a_bushing_lies_about_its_core():
 @pytest.mark.long
 @draws
 def test_springs_are_drawn_between_their_ends():
-    model = load("bicycle_suspension", drive={"pivot": "0.1rad*sin(2*pi*t)"})
-    look = replace(Look(size=SIZE, labels=False, notes=False, paths=False), **drawn_as(model))
+    model = ms.load("bicycle_suspension", drive={"pivot": "0.1rad*sin(2*pi*t)"})
+    look = replace(ms.Look(size=SIZE, labels=False, notes=False, paths=False), **drawn_as(model))
     motion = model.solve(t=np.linspace(0.0, 1.0, 5))
     ends = np.array(model.mechanism.points["frame"][1]), motion.points["shock"].position[0]
 
@@ -405,9 +401,9 @@ def test_springs_are_drawn_between_their_ends():
 
 @draws
 def test_a_path_that_returns_on_itself_keeps_the_colour_of_its_point():
-    model = load("klann")
+    model = ms.load("klann")
     motion = model.solve(np.linspace(0.0, 2.0 * np.pi, 181))
-    look = Look(size=SIZE, labels=False, notes=False, paths="whole")
+    look = ms.Look(size=SIZE, labels=False, notes=False, paths="whole")
     image = next(render.frames(model.mechanism, motion, look)).astype(float)
     view = Source(model.mechanism, motion).drawn(look).camera
     # E swings on a rocker: it passes each point twice
@@ -416,3 +412,25 @@ def test_a_path_that_returns_on_itself_keeps_the_colour_of_its_point():
     shown = np.array([image[y + dy, x + dx] for dx in (-1, 0, 1) for dy in (-1, 0, 1)])
     own = 255.0 * 0.9 * np.array(point_colours(model.mechanism)["E"][:3])
     assert np.median(np.abs(shown - own).max(-1).min(0)) < 30.0
+
+
+@pytest.mark.parametrize("look", [{"camera": "shaft"}, {"overlay": 4}])
+def test_other_views_have_no_wall_shadow(look, linkage, motion):
+    source = Source(linkage.mechanism, motion)
+    assert not source.drawn(ms.Look(**look)).stands_on_wall
+    assert source.drawn(ms.Look()).stands_on_wall
+
+
+@draws
+def test_a_mechanism_on_a_wall_darkens_it(monkeypatch, linkage, motion):
+    def picture():
+        plain = {"size": (320, 240), "labels": False, "notes": False, "paths": False}
+        return render.still(linkage.mechanism, motion, **plain).astype(int).sum(2) / 3.0
+
+    shadowed = picture()
+    monkeypatch.setattr("mechsim.pictures.render.drawn_model.DrawnModel.stands_on_wall", False)
+    lit = picture()
+    darker = lit - shadowed > 20.0
+    # a half to ten percent of the picture, and nothing is brighter
+    assert 0.005 < darker.mean() < 0.1
+    assert (shadowed - lit > 20.0).mean() < 0.001

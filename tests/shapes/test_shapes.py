@@ -2,6 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from model_files import stated_mechanism
 
 from mechsim import catalog, load, loops
 from mechsim.mechanism.joints import End, Joint, joint_coordinate
@@ -233,20 +234,11 @@ def test_the_slide_displacement_agrees_with_the_guess():
     ],
 )
 def test_floor_posts_and_camera_use_the_same_vertical(axis, stated, expected):
-    # a crank with a ball at its tip, which leaves the plane
-    shaft = tuple(np.eye(3)["xyz".index(axis)])
-    end = End("crank", axis=shaft)
-    mechanism = Mechanism(
-        "spatial",
-        (Link("crank"), Link("rod", outline=((0.0, 0.0, 0.02),))),
-        (
-            Joint("crank", "revolute", End(GROUND, axis=shaft), end),
-            Joint("ball", "spherical", End("crank", (0.01, 0.03, 0.02)), End("rod")),
-        ),
-        driver="crank",
-        points={},
-        up=stated,
-    )
+    shaft = {"axis": tuple(np.eye(3)["xyz".index(axis)])}
+    leaving = stated_mechanism("shapes_ball.toml")
+    crank, ball = leaving.joints
+    crank = replace(crank, a=End(GROUND, **shaft), b=End("crank", **shaft))
+    mechanism = replace(leaving, joints=(crank, ball), up=stated)
     vertical = unit_vector(expected)
     np.testing.assert_array_equal(camera.upright(mechanism), vertical)
     back, up = camera.directions(mechanism, "iso")

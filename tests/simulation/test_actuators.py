@@ -103,11 +103,8 @@ def test_an_unknown_actuator_is_rejected(tmp_path):
         with_controls(model.forces, {"w": "1"})
 
 
-def test_an_actuator_that_is_not_computed_is_reported(tmp_path):
-    path = tmp_path / "muscle.xml"
-    path.write_text(
-        ARM.format('<muscle name="w" joint="j1" lengthrange="-1 1"/><motor name="u" joint="j2"/>')
-    )
-    read = ms.load(str(path), still=True)
+def test_an_actuator_that_is_not_computed_is_reported(file):
+    path = file(ARM.format('<muscle name="w" joint="j1" lengthrange="-1 1"/><motor name="u" joint="j2"/>'))
+    read = ms.load(path, still=True)
     assert [actuator.name for actuator in read.forces.actuators] == ["u"]
     assert "actuators w" in read.source.left_out

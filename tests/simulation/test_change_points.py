@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from change_point_linkages import change_point_lengths, named
 from motions import largest_difference
+from wheel_linkages import assert_equal_rotation, wheel_linkages
 
 from mechsim import catalog, dynamics
 from mechsim.errors import AssemblyError, InputError
@@ -149,3 +150,25 @@ def test_solved_poses_near_a_change_point_keep_their_assembly_mode(excess):
     motion = simulate(linkage, speed=20.0, method="pose").motion
     off = largest_difference(motion, linkage.solve(motion.angle))
     assert off <= 1e-9 * linkage.mechanism.characteristic_length
+
+
+# measured: 4e-14, 2e-12 and 1e-10 of a radius; with change points 0.3 rad apart 1e-12, 1e-11, 1e-10
+BOUNDS = (1e-11, 1e-10, 3e-9)
+
+
+@pytest.mark.parametrize(("wheels", "lag"), [(3, 0.0), (4, 0.0), (5, 0.0), (3, 0.3)])
+def test_coupled_wheels_turn_equally_through_multiple_change_points(wheels, lag):
+    mechanism = wheel_linkages(wheels, lag)
+    run = simulate(mechanism, speed=3.0, turns=1, samples=72, method="pose")
+    assert run.outcome == "passed"
+    assert_equal_rotation(mechanism, run.motion, BOUNDS)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("wheels", [3, 4])
+@pytest.mark.parametrize("samples", [17, 64, 73])
+def test_change_points_are_found_for_any_number_of_samples(wheels, samples):
+    closed = from_source(wheel_linkages(wheels))
+    _, path = follow.follow_path(closed.loops, closed.qpos, np.linspace(0.2, 6.1, samples))
+    passed = [point for point in path.change_points if 0.2 <= point <= 6.1]
+    assert passed == pytest.approx([np.pi], abs=1e-9)

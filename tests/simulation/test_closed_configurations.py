@@ -261,19 +261,18 @@ def test_other_joints_can_be_locked() -> None:
 
 
 @pytest.mark.long
-def test_an_open_file_starts_in_the_assembly_of_every_command(tmp_path) -> None:
+def test_an_open_file_starts_in_the_assembly_of_every_command(file) -> None:
     text = FOUR_BAR.replace('site name="a" pos=".06 .02 0"', 'site name="a" pos=".02 .06 0"')
-    path = tmp_path / "open.xml"
-    path.write_text(text.replace('<body pos="0 0 2"><freejoint/><geom size=".1"/></body>', ""))
-    solver = ms.load(str(path))
+    path = file(text.replace('<body pos="0 0 2"><freejoint/><geom size=".1"/></body>', ""))
+    solver = ms.load(path)
     assert any("does not close" in fact or "do not close" in fact for fact in solver.facts)
     rocker = solver.solve([0.3]).joints["rocker"].value[0]
-    assert ms.closed_qpos(str(path), {"crank": 0.3})[0, 2] == pytest.approx(rocker, abs=1e-9)
-    gap = next(finding for finding in ms.check(str(path)) if finding.rule == "MS102")
+    assert ms.closed_qpos(path, {"crank": 0.3})[0, 2] == pytest.approx(rocker, abs=1e-9)
+    gap = next(finding for finding in ms.check(path) if finding.rule == "MS102")
     start = dict(
         entry.split(" = ") for entry in gap.remedy.split(", at ")[1].removesuffix(" (SI)").split(", ")
     )
     assert float(start["rocker"]) == pytest.approx(solver.solve([0.0]).joints["rocker"].value[0], rel=1e-3)
     # the other assembly on request
-    other = ms.sample(str(path), 20, start={"rocker": -float(start["rocker"])}).qpos[:, 2]
+    other = ms.sample(path, 20, start={"rocker": -float(start["rocker"])}).qpos[:, 2]
     assert np.sign(other).mean() != np.sign(float(start["rocker"]))

@@ -18,11 +18,10 @@ BALL = """<body name="ball" pos="0 -.1 0"><freejoint/><geom size=".01"/></body>
 
 
 @pytest.fixture
-def solver(tmp_path):
+def solver(file):
     def load_with(extra=""):
-        path = tmp_path / "five_bar.xml"
-        path.write_text(FIVE_BAR.replace("EXTRA", extra))
-        return ms.load(str(path), drive=SWINGS)
+        path = file(FIVE_BAR.replace("EXTRA", extra))
+        return ms.load(path, drive=SWINGS)
 
     return load_with
 

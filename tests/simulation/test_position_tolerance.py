@@ -102,10 +102,9 @@ def test_dense_samples_do_not_hide_the_effect_of_finer_steps() -> None:
     assert run.steps % 1000 == 0
 
 
-def test_a_diverged_trial_is_repeated_with_finer_steps(tmp_path):
-    path = tmp_path / "stiff.xml"
-    path.write_text(FINGER.replace('damping="0.001"', 'damping="0.02"'))
-    model = ms.load(str(path), drive={"knuckle": "0.3*sin(2*pi*t)"}, duration=0.2)
+def test_a_diverged_trial_is_repeated_with_finer_steps(file):
+    path = file(FINGER.replace('damping="0.001"', 'damping="0.02"'))
+    model = ms.load(path, drive={"knuckle": "0.3*sin(2*pi*t)"}, duration=0.2)
     coarse = simulate(model, settings=ms.Settings(steps_per_turn=100))
     assert coarse.outcome == "diverged"
     assert "stiffness" in coarse.motion.broken

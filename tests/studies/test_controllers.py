@@ -68,11 +68,10 @@ def test_mujoco_agrees_on_controllers_and_rejects_another_gain(options):
     assert not crosscheck_forward(run, model(0.0501), start).passed
 
 
-def test_controllers_round_trip_through_a_file(tmp_path):
+def test_controllers_round_trip_through_a_file(file):
     text = to_toml(ms.catalog.make("four_bar"))
     text += f'\n[forces]\ncontrollers.crank = "{CONTROLLED.controllers[0].text}"\n'
-    path = tmp_path / "controlled.toml"
-    path.write_text(text)
+    path = file(text)
     loaded = ms.load(path)
     assert loaded.forces.controllers == CONTROLLED.controllers
     assert CONTROLLED.controllers[0].text in to_toml(loaded)

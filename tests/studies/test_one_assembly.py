@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from model_files import model_text
+from model_files import model_text, stated_mechanism
 
 import mechsim as ms
 from mechsim.kinematics.loops.start import start_poses
@@ -27,21 +27,7 @@ def test_a_changed_design_has_the_same_assembly_in_solve_and_sweep(tmp_path, sta
 
 def platform(height: float) -> ms.Mechanism:
     """Return a plate on six rods from fixed arms, whose height alone is stated."""
-    base = [np.array([np.cos(a), np.sin(a), 0.0]) * 0.3 for a in np.deg2rad([5, 115, 125, 235, 245, 355])]
-    top = [np.array([np.cos(a), np.sin(a), 0.0]) * 0.2 for a in np.deg2rad([50, 70, 170, 190, 290, 310])]
-    rod = float(np.hypot(0.25, np.linalg.norm(base[0] - top[0])))
-    up = (0.0, 0.0, 1.0)
-    joints: list[ms.Joint] = []
-    for i, (foot, head) in enumerate(zip(base, top, strict=True)):
-        joints += [
-            ms.Joint(f"m{i}", "revolute", ms.End("ground", tuple(foot), up), ms.End(f"arm{i}", axis=up)),
-            ms.Joint(f"a{i}", "spherical", ms.End(f"arm{i}"), ms.End(f"rod{i}")),
-            ms.Joint(f"p{i}", "spherical", ms.End(f"rod{i}", (rod, 0.0, 0.0)), ms.End("plate", tuple(head))),
-        ]
-    links = [ms.Link("plate"), *(ms.Link(f"{kind}{i}") for kind in ("arm", "rod") for i in range(6))]
-    guess = {"plate": ms.Pose(np.array([0.0, 0.0, height]), np.eye(3))}
-    drivers = tuple(f"m{i}" for i in range(6))
-    return ms.Mechanism("platform", tuple(links), tuple(joints), drivers, {"C": ("plate", up)}, guess=guess)
+    return stated_mechanism("one_assembly_platform.toml", height=height)
 
 
 @pytest.mark.long

@@ -22,11 +22,10 @@ COMPLIANT = [
 
 
 @pytest.fixture
-def scene(tmp_path):
+def scene(file):
     def read(compliance, *changes):
-        path = tmp_path / "scene.xml"
-        path.write_text(changed((STIFF, compliance), SERVO, STIFFLY, *changes))
-        source = read_model(str(path))
+        path = file(changed((STIFF, compliance), SERVO, STIFFLY, *changes))
+        source = read_model(path)
         moves = make_motion_laws(source.mechanism, {"crank": wave(0.0, 1.0)}, 1.0)
         return Inspected(source, moves)
 

@@ -1,10 +1,14 @@
 """Intended idioms of public models give no finding; the corresponding fault does."""
 
+from pathlib import Path
+
 import mujoco
 import pytest
-from model_files import model_text
+from model_files import FOLDER, model_text
 
 import mechsim as ms
+from mechsim.simulation.findings import findings
+from mechsim.simulation.mjcf_reader.reading import read_model
 
 # a four-bar whose crank lies in line with its coupler, and a rocker with a motor
 IN_LINE = model_text("public_idioms_in_line.xml")
@@ -113,3 +117,28 @@ def test_an_object_with_included_files_is_checked(tmp_path):
     )
     spec = mujoco.MjSpec.from_file(str(tmp_path / "main.xml"))
     assert "MS102" in {violation.rule for violation in ms.check(spec)}
+
+
+def test_the_actuator_of_a_soft_stop_drives_nothing():
+    path = FOLDER / "soft_stop_is_no_motor_arm.toml"
+    (finding,) = (each for each in ms.check(str(path)) if each.rule == "MS111")
+    assert finding.message.startswith(
+        "5 degrees of freedom, 3 of them undetermined with shoulder, elbow locked: wrist can still move"
+    )
+
+
+MODELS = Path(__file__).parents[3] / "models"
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", ["bennett", "four_bar", "looper", "rrsrr", "rssr", "slider_crank"])
+def test_catalogue_models_have_only_redundant_constraint_findings(name):
+    result = findings(read_model(str(MODELS / f"{name}.xml")))
+    # a planar linkage has a redundant constraint normal to its plane; Bennett's linkage is overconstrained
+    repeats = [(item.object, item.value) for item in result if item.kind == "redundant"]
+    assert len(result) == len(repeats)
+    assert repeats == {
+        "bennett": [("B, B+", 4)],
+        "four_bar": [("loops", 1)],
+        "slider_crank": [("loops", 1)],
+    }.get(name, [])

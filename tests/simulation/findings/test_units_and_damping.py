@@ -231,10 +231,9 @@ WELD = model_text("units_and_damping_weld.xml")
 @pytest.mark.parametrize(
     ("torquescale", "severity"), [pytest.param(0, "note", marks=pytest.mark.slow), (1, "warning")]
 )
-def test_a_weld_without_torque_is_reported_as_a_connect(torquescale, severity, tmp_path):
-    path = tmp_path / "weld.xml"
-    path.write_text(WELD.format(".09 0 0", torquescale))
-    (violation,) = [v for v in ms.check(str(path)) if v.rule == "MS107"]
+def test_a_weld_without_torque_is_reported_as_a_connect(torquescale, severity, file):
+    path = file(WELD.format(".09 0 0", torquescale))
+    (violation,) = [v for v in ms.check(path) if v.rule == "MS107"]
     assert violation.severity == severity
 
 
@@ -263,15 +262,14 @@ SAG = model_text("units_and_damping_sag.xml")
 
 
 @pytest.mark.parametrize(("time_constant", "large"), [(0.02, False), (1.0, True)])
-def test_a_gap_beyond_the_linear_range_is_called_large(time_constant, large, tmp_path):
-    path = tmp_path / "sag.xml"
-    path.write_text(SAG.format(time_constant))
-    model = mujoco.MjModel.from_xml_path(str(path))
+def test_a_gap_beyond_the_linear_range_is_called_large(time_constant, large, file):
+    path = file(SAG.format(time_constant))
+    model = mujoco.MjModel.from_xml_path(path)
     data = mujoco.MjData(model)
     for _ in range(20_000):
         mujoco.mj_step(model, data)
     sag, length = abs(float(data.qpos[0])), 1.0
-    (violation,) = [v for v in ms.check(str(path)) if v.rule == "MS110"]
+    (violation,) = [v for v in ms.check(path) if v.rule == "MS110"]
     assert ("large gap" in violation.message) == large
     if large:
         assert violation.value <= 0.1 * length < sag

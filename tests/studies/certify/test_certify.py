@@ -53,10 +53,9 @@ def test_the_singular_value_bound_is_below_the_computed_minimum():
 PRESS = model_text("certify_press.toml")
 
 
-def test_ball_arithmetic_equations_agree_with_the_solver(tmp_path):
+def test_ball_arithmetic_equations_agree_with_the_solver(file):
     rng = np.random.default_rng(0)
-    press = tmp_path / "press.toml"
-    press.write_text(PRESS)
+    press = file(PRESS)
     assert ms.certify(press).certified
     names = ("looper", "delta_robot", "warp_knitter", "sarrus", "rack_steering", "double_cardan")
     for name in (*names, press, "oldham_coupling", "planetary_gear"):
