@@ -18,8 +18,7 @@ SCENE = model_text("masses_scene.xml")
 
 @pytest.fixture
 def press(file):
-    path = file(SLIDER)
-    return path
+    return file(SLIDER)
 
 
 def test_masses_are_listed_with_their_source(press):

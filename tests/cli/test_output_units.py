@@ -13,8 +13,7 @@ ARM = model_text("output_units_arm.toml")
 
 @pytest.fixture
 def press(file):
-    path = file(ARM)
-    return path
+    return file(ARM)
 
 
 def test_cells_of_designs_need_units_for_a_file_in_mm(mechsim, press, tmp_path):

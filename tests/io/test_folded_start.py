@@ -16,8 +16,7 @@ LEG = model_text("folded_start_leg.xml")
 
 @pytest.fixture
 def leg(file):
-    path = file(LEG)
-    return path
+    return file(LEG)
 
 
 def test_a_ram_of_a_folded_leg_drives_it(leg):

@@ -14,8 +14,7 @@ SPEED, ANGLES = 1.0, np.array([0.7, 1.5, 2.6])
 
 @pytest.fixture
 def press(file):
-    path = file(PRESS)
-    return path
+    return file(PRESS)
 
 
 def torque_by_virtual_power(angle):

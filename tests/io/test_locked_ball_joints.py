@@ -23,8 +23,7 @@ LOCKED = ("lift", "neck", "rail", "loose")
 
 @pytest.fixture
 def boom(file):
-    path = file(BOOM)
-    return path
+    return file(BOOM)
 
 
 def tip(key, rotation):
