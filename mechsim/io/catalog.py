@@ -61,12 +61,9 @@ MAX_LISTED = 16
 def nearest(name: str, names: list[str]) -> str:
     """Return the end of an error message: the most similar name, and all names, or how to list many."""
     close = difflib.get_close_matches(name, names)
+    similarity = {close_name: difflib.SequenceMatcher(None, close_name, name).ratio() for close_name in close}
     # of equally similar names the first is suggested
-    similarity = {
-        candidate: difflib.SequenceMatcher(None, candidate, name).ratio()
-        for candidate in names
-        if candidate in close
-    }
-    hint = f"; did you mean {max(similarity, key=similarity.__getitem__)!r}? " if similarity else "; "
+    best = max(sorted(close, key=names.index), key=similarity.__getitem__, default="")
+    hint = f"; did you mean {best!r}? " if best else "; "
     listed = ", ".join(names) if len(names) <= MAX_LISTED else "the names that `mechsim list` prints"
     return f"{hint}choose from {listed}"

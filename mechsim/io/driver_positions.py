@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from mechsim.errors import InputError
 from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.mechanism.limits import require_travel
-from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.motion import Motion
 from mechsim.mechanism.motion_laws import MotionLaws, State
 from mechsim.numerics.arrays import Array
@@ -104,16 +103,7 @@ def driver_path(
         require_travel(f"{solver.name} in {source}", f"row {row}", f"row {row + 1}", float(lengths.max()))
     times = np.concatenate([[0.0], np.cumsum(lengths > 0.0 if uniform else lengths, dtype=np.float64)])
     distinct = np.concatenate([[True], lengths > 0.0])
-    return DriverPath(
-        _piecewise_laws(mechanism, times[distinct], values[:, distinct], np.flatnonzero(distinct), source),
-        times,
-    )
-
-
-def _piecewise_laws(
-    mechanism: Mechanism, knots: Array, values: Array, rows: NDArray[np.intp], source: str
-) -> MotionLaws:
-    """Return smooth motion laws that connect rows by straight lines and are at rest at each row."""
+    knots, rows = times[distinct], np.flatnonzero(distinct)
 
     def locate(time: Array) -> tuple[NDArray[np.intp], Array, Array, Array]:
         """Return the segments of times, the fractions covered, and two derivatives of the fractions."""
@@ -124,16 +114,14 @@ def _piecewise_laws(
         fraction = u**4 * (35.0 + u * (-84.0 + u * (70.0 - 20.0 * u)))
         return segment, fraction, 140.0 * v**3 / length, 420.0 * v**2 * (1.0 - 2.0 * u) / length**2
 
-    def state_of(column: Array) -> State:
+    def law(column: Array) -> State:
+        """Return a smooth motion law that connects rows by straight lines and is at rest at each row."""
         change = np.diff(column) if len(column) > 1 else np.zeros(1)
 
         def state(time: Array) -> tuple[Array, Array, Array]:
             segment, fraction, rate, second = locate(time)
-            return (
-                column[segment] + change[segment] * fraction,
-                change[segment] * rate,
-                change[segment] * second,
-            )
+            step = change[segment]
+            return column[segment] + step * fraction, step * rate, step * second
 
         return state
 
@@ -141,5 +129,5 @@ def _piecewise_laws(
         segment = int(np.clip(np.searchsorted(knots, time, side="right") - 1, 0, len(knots) - 1))
         return f"the segment after row {rows[segment] + 1} of {source}"
 
-    states = tuple(state_of(column) for column in values)
-    return MotionLaws(float(knots[-1]) or 1.0, mechanism.drivers, states, 1.0, description)
+    laws = tuple(law(column) for column in values[:, distinct])
+    return DriverPath(MotionLaws(float(knots[-1]) or 1.0, mechanism.drivers, laws, 1.0, description), times)

@@ -33,10 +33,9 @@ def list() -> dict[str, dict[str, str]]:
         >>> sorted(ms.list())
         ['gallery', 'machines', 'mechanisms']
     """
+    mechanisms = {name: catalog.models() / f"{name}.toml" for name in catalog.MECHANISMS}
+    groups = {"mechanisms": mechanisms, "gallery": files(), "machines": machines()}
     return {
-        "mechanisms": {
-            name: head_comment(str(catalog.models() / f"{name}.toml")) for name in catalog.MECHANISMS
-        },
-        "gallery": {name: head_comment(str(path)) for name, path in files().items()},
-        "machines": {name: head_comment(str(path)) for name, path in machines().items()},
+        group: {name: head_comment(str(path)) for name, path in paths.items()}
+        for group, paths in groups.items()
     }

@@ -4,6 +4,7 @@ import ast
 import operator
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -229,10 +230,10 @@ def parse_motion_law(
     Raises:
         InputError: names the driver, the text and the remedy.
     """
+    if is_table(text):
+        return _tabulated_law(text.strip(), name)
     subject = f"the motion law of {name}, {text!r},"
     try:
-        if is_table(text):
-            return _tabulated_law(text.strip(), name)
         quantity = _WHOLE_QUANTITY.fullmatch(text)
         if quantity is None or quantity[1] == "t":
             return MotionLaw(
@@ -241,8 +242,6 @@ def parse_motion_law(
                 )
             )
     except InputError as error:
-        if is_table(text):
-            raise
         raise InputError(f"{subject} {error}, as in {_EXAMPLES[unit]}") from None
     if quantity[1] is None:
         speed, position = (f"{text.strip()}{declared or unit}{end}" for end in ("/s", ""))
@@ -407,9 +406,10 @@ def control_law(text: str, name: str) -> MotionLaw:
     """
     if is_table(text):
         return parse_motion_law(text, name, "rad", lambda: 0.0)
-    constant = _constant(text)
-    if constant is not None:
-        return MotionLaw(text, steady(constant, 0.0))
+    with suppress(ValueError):
+        return MotionLaw(text, steady(float(text), 0.0))
+    with suppress(InputError):
+        return MotionLaw(text, steady(units.of_any_kind(text, "the control")[0], 0.0))
     reason = ""
     for unit in ("rad", "m"):
         try:
@@ -424,18 +424,6 @@ def control_law(text: str, name: str) -> MotionLaw:
 def control_laws(texts: Mapping[str, str]) -> dict[str, MotionLaw]:
     """Return the control laws of several actuators: actuator -> control law."""
     return {name: control_law(text, name) for name, text in texts.items()}
-
-
-def _constant(text: str) -> float | None:
-    """Return a number, or a quantity in SI; None for other text."""
-    try:
-        return float(text)
-    except ValueError:
-        pass
-    try:
-        return units.of_any_kind(text, "the control")[0]
-    except InputError:
-        return None
 
 
 def with_controls(forces: Forces, texts: Mapping[str, str]) -> Forces:

@@ -3,6 +3,7 @@
 Source: ARCHITECTURE.md of linkage_sim, section Serialization, schema 1.0.0.
 """
 
+from collections import Counter
 from collections.abc import Mapping
 from typing import Any
 
@@ -45,8 +46,9 @@ def mechanism(name: str, content: Mapping[str, Any]) -> Mechanism:
             drivers.append(_driven(key, entry, joints))
     driving = _objects({"drivers": {}, **content}, "drivers")
     drivers += [_driven(key, entry, joints) for key, entry in driving.items()]
+    counts = Counter(label for own in local.values() for label in own)
     points = {
-        f"{body}.{label}" if label in _repeated(local) else label: (body, in_plane(position))
+        f"{body}.{label}" if counts[label] > 1 else label: (body, in_plane(position))
         for body, own in local.items()
         if body != GROUND
         for label, position in own.items()
@@ -74,11 +76,6 @@ def _points_of(body: str, entry: Mapping[str, Any]) -> dict[str, tuple[float, fl
             label: point(position, f"point {label!r} of {body!r}") for label, position in named.items()
         }
     return points
-
-
-def _repeated(points: Mapping[str, Mapping[str, Any]]) -> set[str]:
-    labels = [label for own in points.values() for label in own]
-    return {label for label in labels if labels.count(label) > 1}
 
 
 def _joint(

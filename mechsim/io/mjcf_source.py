@@ -1,7 +1,8 @@
 """A mechanism from an MJCF file, solved by mechsim's loop equations; MuJoCo can run the file itself."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,7 +17,6 @@ from mechsim.mechanism.links import Pose
 from mechsim.mechanism.mechanism import Mechanism, against
 from mechsim.mechanism.motion_laws import make_motion_laws, steady
 from mechsim.numerics.arrays import ROUNDING
-from mechsim.units import Unit
 
 if TYPE_CHECKING:
     from mechsim.simulation.mjcf_reader.mjcf_model import MjcfModel
@@ -60,11 +60,12 @@ def read_mjcf(source: "MujocoInput", request: Prescription = AS_WRITTEN) -> Kine
     from mechsim.simulation.mjcf_reader.parsed_file import model_label
     from mechsim.simulation.mjcf_reader.reading import read_model
 
-    def parser(name: str, text: str) -> Callable[[Unit], float]:
-        return lambda unit: units.parse_coordinate(text, unit, f"the locked position of {name}")
-
+    # text is read when the unit of its coordinate is known
     values = {
-        name: parser(name, value) if isinstance(value, str) else value for name, value in request.lock.items()
+        name: partial(units.parse_coordinate, value, name=f"the locked position of {name}")
+        if isinstance(value, str)
+        else value
+        for name, value in request.lock.items()
     }
 
     def read(described: "MujocoInput") -> "MjcfModel":
@@ -127,9 +128,8 @@ def _initial_gap(model: "MjcfModel", key: str | None) -> list[str]:
 def _with_locked_guess(mechanism: Mechanism) -> Mechanism:
     """Return a mechanism whose guess has its joints at their locked values, at constant driver positions."""
     guess_coordinates, locked = dict(mechanism.guess_coordinates), dict(mechanism.locked)
-    displaced = {
-        name: value for name, value in locked.items() if abs(value - guess_coordinates[name]) > ROUNDING
-    }
+    changes = {name: value - guess_coordinates[name] for name, value in locked.items()}
+    displaced = {name: locked[name] for name, change in changes.items() if abs(change) > ROUNDING}
     if not displaced:
         return replace(mechanism, guess_coordinates=guess_coordinates | locked)
     from mechsim.kinematics.loops.joint_locks import undetermined_joints
@@ -141,23 +141,16 @@ def _with_locked_guess(mechanism: Mechanism) -> Mechanism:
         name: guess_coordinates[name] for name in undetermined_joints(unlocked) if name in guess_coordinates
     }
     unlocked = replace(unlocked, locked=still)
-    states = {
-        name: steady(
-            guess_coordinates[name], displaced.get(name, guess_coordinates[name]) - guess_coordinates[name]
-        )
-        for name in drivers
-    }
+    rates = {name: changes[name] for name in displaced}
+    states = {name: steady(guess_coordinates[name], rates.get(name, 0.0)) for name in drivers}
     laws = make_motion_laws(unlocked, states, 1.0)
     try:
         motion = KinematicSolver(unlocked, motion_laws=laws).solve(t=[1.0])
     except MechsimError as error:
         targets = ", ".join(f"{name} = {value:g}" for name, value in displaced.items())
         raise type(error)(f"on the path to the locked position {targets}: {error}") from None
-    poses = {
-        name: Pose(np.array(link.position[0]), np.array(link.rotation[0]))
-        for name, link in motion.links.items()
-    }
-    guess_coordinates |= {
-        name: float(motion.joints[name].value[0]) for name in guess_coordinates if name in motion.joints
-    }
+    moved = motion.links.items()
+    poses = {name: Pose(np.array(link.position[0]), np.array(link.rotation[0])) for name, link in moved}
+    reached = {name: float(joint.value[0]) for name, joint in motion.joints.items()}
+    guess_coordinates |= {name: reached[name] for name in guess_coordinates if name in reached}
     return replace(mechanism, guess=poses, guess_coordinates=guess_coordinates | locked)

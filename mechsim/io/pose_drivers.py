@@ -32,30 +32,6 @@ NEGLIGIBLE = Inertia(1e-9, ORIGIN, ((1e-12, 0.0, 0.0), (0.0, 1e-12, 0.0), (0.0, 
 GIMBAL_LOCK = 1e-3
 
 
-def pose_subjects(mechanism: Mechanism, names: Iterable[str]) -> dict[str, bool]:
-    """Return the points and links that driver names such as P.x or plate.rz refer to.
-
-    Args:
-        mechanism: the mechanism; its joint names come first.
-        names: driven coordinates; names of joints are ignored.
-
-    Returns:
-        Point or link -> whether its rotation is driven, too.
-    """
-    links = {link.name for link in mechanism.links}
-    moving = {*links, *moving_points(mechanism)}
-    subjects: dict[str, bool] = {}
-    for name in names:
-        subject, _, suffix = name.rpartition(".")
-        if name in mechanism.coordinates or suffix not in (*POSITIONS, *ROTATIONS):
-            continue
-        if suffix in ROTATIONS and subject in mechanism.points and subject not in links:
-            raise InputError(f"{name} cannot be driven: {subject} is a point; drive the rotation of its link")
-        if subject in moving:
-            subjects[subject] = subjects.get(subject, False) or suffix in ROTATIONS
-    return subjects
-
-
 def with_pose_drivers(mechanism: Mechanism, names: Iterable[str]) -> Mechanism:
     """Return a mechanism with a chain for each point or link whose coordinates are driven.
 
@@ -67,7 +43,18 @@ def with_pose_drivers(mechanism: Mechanism, names: Iterable[str]) -> Mechanism:
         InputError: for the rotation of a point.
         AssemblyError: if the mechanism does not close at its guess, or a link starts at ry = 90 deg.
     """
-    subjects = pose_subjects(mechanism, names)
+    links = {link.name for link in mechanism.links}
+    moving = {*links, *moving_points(mechanism)}
+    # point or link -> whether its rotation is driven, too; names of joints come first
+    subjects: dict[str, bool] = {}
+    for name in names:
+        subject, _, suffix = name.rpartition(".")
+        if name in mechanism.coordinates or suffix not in (*POSITIONS, *ROTATIONS):
+            continue
+        if suffix in ROTATIONS and subject in mechanism.points and subject not in links:
+            raise InputError(f"{name} cannot be driven: {subject} is a point; drive the rotation of its link")
+        if subject in moving:
+            subjects[subject] = subjects.get(subject, False) or suffix in ROTATIONS
     if not subjects:
         return mechanism
     poses, _ = start_poses(mechanism)

@@ -47,6 +47,12 @@ def mechanism(name: str, content: Mapping[str, Any]) -> Mechanism:
         elif members:
             joints += pins(key, members, position)
     names = [link for link in links if link != GROUND]
+    drivers = tuple(
+        joint.name
+        for link, motor in driven
+        for joint in joints
+        if joint.links == (GROUND, link) and joint.name in (motor, f"{motor}_{link}")
+    )
     points = {key: (_carrier(links, [key]), in_plane(position)) for key, position in positions.items()}
     points |= {key: _tracked(key, listed[key], links, positions) for key in trackers}
     moving = tuple(Link(link) for link in [*names, *blocks])
@@ -54,7 +60,7 @@ def mechanism(name: str, content: Mapping[str, Any]) -> Mechanism:
         str(content.get("name") or name),
         moving,
         tuple(joints),
-        _driver(driven, joints),
+        drivers,
         {key: position for key, position in points.items() if position[0] != GROUND},
         guess={link.name: IDENTITY for link in moving},
         up="y",
@@ -139,13 +145,3 @@ def _tracked(
     base = float(np.arctan2(*(towards - origin)[::-1]))
     position = origin + distance * np.array([np.cos(base + angle), np.sin(base + angle)])
     return carrier, in_plane(position.tolist())
-
-
-def _driver(driven: list[tuple[str, str]], joints: list[Joint]) -> tuple[str, ...]:
-    """Return the joints of the driven links with the ground."""
-    return tuple(
-        joint.name
-        for link, motor in driven
-        for joint in joints
-        if joint.a.link == GROUND and joint.b.link == link and joint.name in (motor, f"{motor}_{link}")
-    )

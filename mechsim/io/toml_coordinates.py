@@ -195,7 +195,35 @@ class FileLimits:
 
 def limits_of(coordinates: FileCoordinates) -> FileLimits:
     """Return the limits of coordinates, as ranges or as soft stops."""
-    limits_read = FileLimits()
+    limits, values = FileLimits(), coordinates.values
+    for name, entry, path in _limit_entries(coordinates):
+        keys: set[str] = {*entry} if isinstance(entry, dict) else {""}
+        soft = bool(keys & {"stiffness", "damping"})
+        others = {"stiffness", "damping"} if soft else {"restitution"}
+        if not keys <= {"lower", "upper", *others} or not keys & {"lower", "upper"}:
+            reason = "needs lower or upper, and takes restitution, or stiffness and damping; give these alone"
+            raise coordinates.error(path, reason)
+        low, high = (
+            coordinates.value(name, entry[side], (*path, side)) if side in entry else otherwise
+            for side, otherwise in (("lower", -np.inf), ("upper", np.inf))
+        )
+        if not low < high:
+            reason = f"is from {low:.6g} to {high:.6g}; give a lower limit below the upper one"
+            raise coordinates.error(path, reason)
+        if soft:
+            limits.stops += _stops(coordinates, name, entry, path, (low, high))
+            continue
+        limits.ranges[name] = low, high
+        if "restitution" in entry:
+            limits.restitution[name] = restitution_of(values, entry, path)
+    for name, table in coordinates.read.get("couplings", {}).items():
+        if "restitution" in table:
+            limits.restitution[f"{name}.gap"] = restitution_of(values, table, ("couplings", name))
+    return limits
+
+
+def _limit_entries(coordinates: FileCoordinates) -> Iterator[tuple[str, Any, KeyPath]]:
+    """Yield each limited coordinate, its limits as written, and their key path."""
     for joint, table in coordinates.read["joints"].items():
         limits, whole = table.get("limits"), ("joints", joint, "limits")
         if limits is None:
@@ -207,12 +235,7 @@ def limits_of(coordinates: FileCoordinates) -> FileLimits:
         for suffix, entry in limits.items() if by_coordinate else [("", limits)]:
             name, path = (f"{joint}.{suffix}", (*whole, suffix)) if suffix else (joint, whole)
             coordinates.require(name, path)
-            _add_limits(coordinates, limits_read, name, entry, path)
-    for name, table in coordinates.read.get("couplings", {}).items():
-        if "restitution" in table:
-            value = restitution_of(coordinates.values, table, ("couplings", name))
-            limits_read.restitution[f"{name}.gap"] = value
-    return limits_read
+            yield name, entry, path
 
 
 def restitution_of(values: Values, entry: Mapping[str, Any], path: KeyPath) -> float:
@@ -223,40 +246,22 @@ def restitution_of(values: Values, entry: Mapping[str, Any], path: KeyPath) -> f
     return value
 
 
-def _add_limits(
-    coordinates: FileCoordinates, limits_read: FileLimits, name: str, entry: Any, path: KeyPath
-) -> None:
-    """Add the limits of one coordinate."""
-    keys: set[str] = {*entry} if isinstance(entry, dict) else {""}
-    soft, values = bool(keys & {"stiffness", "damping"}), coordinates.values
-    others = {"stiffness", "damping"} if soft else {"restitution"}
-    if not keys <= {"lower", "upper", *others} or not keys & {"lower", "upper"}:
-        reason = "needs lower or upper, and takes restitution, or stiffness and damping; give these alone"
-        raise coordinates.error(path, reason)
-    low, high = (
-        coordinates.value(name, entry[side], (*path, side)) if side in entry else otherwise
-        for side, otherwise in (("lower", -np.inf), ("upper", np.inf))
-    )
-    if not low < high:
-        reason = f"is from {low:.6g} to {high:.6g}; give a lower limit below the upper one"
-        raise coordinates.error(path, reason)
-    if not soft:
-        limits_read.ranges[name] = low, high
-        if "restitution" in entry:
-            limits_read.restitution[name] = restitution_of(values, entry, path)
-        return
+def _stops(
+    coordinates: FileCoordinates, name: str, entry: Any, path: KeyPath, limits: tuple[float, float]
+) -> "list[NonlinearSpring]":
+    """Return the soft stops at the limits of a coordinate."""
     if KINDS[coordinates.kinds[name]].rod:
         raise coordinates.error(path, "is of a rod, which has no stops; give its length alone")
     from mechsim.mechanism.nonlinear_springs import NonlinearSpring, SoftStop
 
-    along = ALONG[coordinates.units[name]]
+    values, along = coordinates.values, ALONG[coordinates.units[name]]
     stiffness, damping = (
         values.quantity(entry.get(key, 0.0), along[key], (*path, key)) for key in ("stiffness", "damping")
     )
     with values.source.error_context(path):
-        limits_read.stops += [
+        return [
             NonlinearSpring(name, SoftStop(limit, side, stiffness, damping))
-            for limit, side in ((low, -1.0), (high, 1.0))
+            for limit, side in zip(limits, (-1.0, 1.0), strict=True)
             if abs(limit) < np.inf
         ]
 

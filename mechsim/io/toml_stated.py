@@ -34,19 +34,15 @@ def as_stated(values: Values, dimension: Dimension) -> Dimension:
         InputError: for an uncertainty in another unit than the dimension, or not above 0.
     """
     name, unit = dimension.name, dimension.unit
-    row = values.source.stated[name]
-    return replace(dimension, uncertainty=_uncertainty(values, name, unit), source=row.get("source", ""))
-
-
-def _uncertainty(values: Values, name: str, unit: str) -> float | None:
-    written = values.source.stated[name].get("uncertainty")
-    if written is None:
-        return None
-    path = ("parameters", name, "uncertainty")
+    row, path = values.source.stated[name], ("parameters", name, "uncertainty")
+    dimension = replace(dimension, source=row.get("source", ""))
+    if "uncertainty" not in row:
+        return dimension
+    written = row["uncertainty"]
     if is_quantity(written) and of_any_kind(written, f"uncertainty of {name}")[1] != unit:
         raise values.source.error(path, f"is {shown(written)}; give it in the unit of {name}, {unit}")
     own: dict[str, Unit] = {"m": "m", "rad": "rad"}
     value = values.parameter(written, path) * (values.in_si(1.0, own[unit]) if unit in own else 1.0)
     if not value > 0.0:
         raise values.source.error(path, f"is {shown(written)}; give a number above 0")
-    return value
+    return replace(dimension, uncertainty=value)

@@ -60,9 +60,8 @@ class BeltPath:
     def points(self, chord: float) -> list[Array]:
         """Return the points of each strand, with the arc before it in chords of an angle in [rad], (k, 2)."""
         strands: list[Array] = []
-        for centre, radius, wrap, ends in zip(
-            self.centres, self.radii, self.wraps, self.tangents, strict=True
-        ):
+        pulleys = zip(self.centres, self.radii, self.wraps, self.tangents, strict=True)
+        for centre, radius, wrap, ends in pulleys:
             back = np.sign(radius) * np.linspace(wrap, 0.0, 2 + int(wrap / chord))
             (x, y), (c, s) = ends[0] - centre, (np.cos(back), -np.sin(back))
             strands.append(np.vstack([centre + np.stack([c * x - s * y, s * x + c * y], 1), ends[1:]]))

@@ -7,7 +7,7 @@ import ast
 import math
 import operator
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal, NamedTuple, cast
 
@@ -413,22 +413,24 @@ class Table:
         return Instruction("variable", "x"), Instruction("table", self, 1)
 
 
-def _instructions(node: ast.AST) -> tuple[Instruction, ...]:
-    """Return the evaluation of an expression that `Evaluator` accepts, operands first."""
+def _instructions(node: ast.AST) -> Iterator[Instruction]:
+    """Yield the evaluation of an expression that `Evaluator` accepts, operands first."""
     match node:
         case ast.Constant(value=value):
-            return (Instruction("number", float(cast(float, value))),)
+            yield Instruction("number", float(cast(float, value)))
         case ast.Name(id=name):
-            return (Instruction("number", math.pi) if name == "pi" else Instruction("variable", name),)
+            yield Instruction("number", math.pi) if name == "pi" else Instruction("variable", name)
         case ast.UnaryOp(op=op, operand=operand):
-            negative = isinstance(op, ast.USub)
-            return (*_instructions(operand), *([Instruction("Neg", operator.neg, 1)] if negative else []))
+            yield from _instructions(operand)
+            if isinstance(op, ast.USub):
+                yield Instruction("Neg", operator.neg, 1)
         case ast.BinOp(left=left, op=op, right=right):
-            last = Instruction(type(op).__name__, _OPERATORS[type(op)][1], 2)
-            return (*_instructions(left), *_instructions(right), last)
+            yield from (*_instructions(left), *_instructions(right))
+            yield Instruction(type(op).__name__, _OPERATORS[type(op)][1], 2)
         case ast.Call(func=ast.Name(id=name), args=args):
-            inner = (instruction for argument in args for instruction in _instructions(argument))
-            return (*inner, Instruction(name, FUNCTIONS[name].value, len(args)))
+            for argument in args:
+                yield from _instructions(argument)
+            yield Instruction(name, FUNCTIONS[name].value, len(args))
         case _:
             raise InputError(f"contains {ast.unparse(node)!r}; only arithmetic is allowed: {_ALLOWED}")
 
@@ -439,13 +441,14 @@ def instructions_of(tree: ast.AST, numbers: Mapping[str, float]) -> tuple[Instru
 
 
 def with_numbers(
-    instructions: Sequence[Instruction], numbers: Mapping[str, float]
+    instructions: Iterable[Instruction], numbers: Mapping[str, float]
 ) -> tuple[Instruction, ...]:
     """Return an evaluation in which numbers take the place of names."""
     return tuple(
-        Instruction("number", numbers[value]) if name == "variable" and value in numbers else instruction
-        for instruction in instructions
-        for name, value, _ in [instruction]
+        Instruction("number", numbers[each.value])
+        if each.name == "variable" and each.value in numbers
+        else each
+        for each in instructions
     )
 
 
