@@ -18,29 +18,15 @@ from mechsim._version import __version__
 from mechsim.codegen.kinematics import identifiers
 from mechsim.codegen.solver_code import TEMPLATES
 from mechsim.errors import InputError
+from mechsim.mechanism.expressions import unit_powers
 from mechsim.numerics.c_library import shared_library
 
 Standard = Literal[2, 3]
-# unit -> its exponents of SI units
-UNITS = {
-    "rad": {"rad": 1},
-    "rad/s": {"rad": 1, "s": -1},
-    "rad/s2": {"rad": 1, "s": -2},
-    "m": {"m": 1},
-    "m/s": {"m": 1, "s": -1},
-    "m/s2": {"m": 1, "s": -2},
-    "1/s": {"s": -1},
-    "N": {"kg": 1, "m": 1, "s": -2},
-    "N/m": {"kg": 1, "s": -2},
-    "N.s/m": {"kg": 1, "s": -1},
-    "N.m": {"kg": 1, "m": 2, "s": -2},
-    "N.m/rad": {"kg": 1, "m": 2, "s": -2, "rad": -1},
-    "N.m.s/rad": {"kg": 1, "m": 2, "s": -1, "rad": -1},
-    "J": {"kg": 1, "m": 2, "s": -2},
-    "kg": {"kg": 1},
-    "kg.m2": {"kg": 1, "m": 2},
-    "s": {"s": 1},
-}
+# units in the order of their definitions; a point is a product
+UNITS = (
+    *("rad", "rad/s", "rad/s2", "m", "m/s", "m/s2", "1/s", "N", "N/m", "N.s/m", "N.m", "N.m/rad"),
+    *("N.m.s/rad", "J", "kg", "kg.m2", "s"),
+)
 # time of all entries of an archive, the earliest that the format holds: equal models give equal archives
 EPOCH = (1980, 1, 1, 0, 0, 0)
 # processor, as Python names it -> its name in FMI 3.0
@@ -241,7 +227,8 @@ def _root(model: FmuModel, standard: Standard) -> ElementTree.Element:
     units = ElementTree.SubElement(root, "UnitDefinitions")
     used = {variable.unit for variable in model.variables}
     for name in filter(used.__contains__, UNITS):
-        exponents = {base: str(exponent) for base, exponent in UNITS[name].items()}
+        powers = zip(("kg", "m", "s", "rad"), unit_powers(name.replace(".", " ")), strict=True)
+        exponents = {base: f"{power:g}" for base, power in powers if power}
         ElementTree.SubElement(ElementTree.SubElement(units, "Unit", name=name), "BaseUnit", exponents)
     categories = ElementTree.SubElement(root, "LogCategories")
     ElementTree.SubElement(categories, "Category", name="logStatusError")

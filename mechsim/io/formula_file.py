@@ -19,7 +19,7 @@ from mechsim import units
 from mechsim.errors import InputError, MechsimError
 from mechsim.io.model_source import ModelDescription, ModelSource, Parameters, Prescription
 from mechsim.io.python_object import PythonObject, run_object, run_user_code
-from mechsim.io.toml_coordinates import coordinates_of, drivers_of
+from mechsim.io.toml_coordinates import FileCoordinates
 from mechsim.io.toml_keys import root
 from mechsim.io.toml_reader import TomlModel, formula_path, mechanism_of, tables_in
 from mechsim.io.toml_values import TomlSource, Values, head_comment, suggestion
@@ -118,9 +118,9 @@ class FormulaDescription(ModelSource):
         """Return the description for values of the parameters, without a guess."""
         numbers = _numbers(values)
         reader = Values(self.source, "m", "rad", numbers)
-        coordinates = coordinates_of(reader, reader.checked(root(), self.document(numbers), ()))
+        coordinates = FileCoordinates(reader, reader.checked(root(), self.document(numbers), ()))
         with self.source.error_context(()):
-            return mechanism_of(coordinates, drivers_of(coordinates, (), still=False))
+            return mechanism_of(coordinates, coordinates.drivers((), still=False))
 
     def geometry(self, values: Mapping[str, Any]) -> Geometry:
         """Return points and frames fixed in links for values of which some are arrays, of many designs."""

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -24,6 +25,61 @@ SLACK = 1e-12
 CRANK = "crank"
 
 
+@dataclass
+class FileLimits:
+    """The limits of coordinates of a file, in SI.
+
+    Attributes:
+        ranges: coordinate -> lower and upper limit that no motion exceeds.
+        restitution: coordinate, or gap of a coupling -> coefficient of restitution there, if stated.
+        stops: soft stops, which yield.
+    """
+
+    ranges: dict[str, tuple[float, float]] = field(default_factory=dict[str, tuple[float, float]])
+    restitution: dict[str, float] = field(default_factory=dict[str, float])
+    stops: "list[NonlinearSpring]" = field(default_factory=list["NonlinearSpring"])
+
+
+def leaves(table: Mapping[str, Any], path: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], Any]]:
+    """Yield the key paths and entries of nested tables, without the tables themselves."""
+    for key, entry in table.items():
+        if isinstance(entry, dict):
+            yield from leaves(cast(Mapping[str, Any], entry), (*path, key))
+        else:
+            yield (*path, key), entry
+
+
+@dataclass(frozen=True)
+class FileMotionLaw:
+    """A motion law in a file: numbers without a unit are in the file's units, and parameters have names.
+
+    Attributes:
+        coordinates: the file's coordinates.
+        text: its text.
+        path: its key path.
+    """
+
+    coordinates: "FileCoordinates"
+    text: str
+    path: KeyPath
+
+    def parse(self, name: str, unit: str, start: "Start") -> "MotionLaw":
+        """Return the motion law, as `parse_motion_law`."""
+        from mechsim.io.law_text import parse_motion_law
+
+        values = self.coordinates.values
+        text = values.source.sibling(self.text) if is_table(self.text) else self.text
+        with values.source.error_context(self.path):
+            return parse_motion_law(
+                text,
+                name,
+                unit,
+                start,
+                default_unit=values.in_si(1.0, self.coordinates.units[name]),
+                parameters=values.parameters,
+            )
+
+
 @dataclass(frozen=True)
 class FileCoordinates:
     """The joint coordinates of a file, which name its drivers, locked coordinates and couplings.
@@ -31,14 +87,23 @@ class FileCoordinates:
     Attributes:
         values: reader of the file's numbers.
         read: contents of the file.
-        kinds: coordinate -> kind of its joint.
-        units: coordinate -> "m" or "rad".
     """
 
     values: Values
     read: Mapping[str, Any]
-    kinds: Mapping[str, KindName]
-    units: Mapping[str, Unit]
+
+    @cached_property
+    def kinds(self) -> dict[str, KindName]:
+        """Coordinate -> kind of its joint."""
+        kinds: dict[str, KindName] = {name: joint["kind"] for name, joint in self.read["joints"].items()}
+        return {name + ending: kind for name, kind in kinds.items() for ending in KINDS[kind].suffixes}
+
+    @cached_property
+    def units(self) -> dict[str, Unit]:
+        """Coordinate -> "m" or "rad"."""
+        kinds = {name: KINDS[joint["kind"]] for name, joint in self.read["joints"].items()}
+        pairs = ((name, zip(kind.suffixes, kind.units, strict=True)) for name, kind in kinds.items())
+        return {name + ending: unit for name, endings in pairs for ending, unit in endings}
 
     def require(self, name: str, path: KeyPath) -> None:
         """Raise InputError for an unknown coordinate."""
@@ -66,176 +131,181 @@ class FileCoordinates:
                 entries[coordinate] = path, value
         return entries
 
+    def drivers(self, requested: tuple[str, ...], *, still: bool) -> tuple[str, ...]:
+        """Return the driven coordinates: of the file, else the requested joints, else the default ones.
 
-def coordinates_of(values: Values, read: Mapping[str, Any]) -> FileCoordinates:
-    """Return the coordinates of the joints of a file."""
-    kinds: dict[str, KindName] = {}
-    units: dict[str, Unit] = {}
-    for name, table in read["joints"].items():
-        kind = KINDS[table["kind"]]
-        for ending, unit in zip(kind.suffixes, kind.units, strict=True):
-            kinds[name + ending] = table["kind"]
-            units[name + ending] = "m" if unit == "m" else "rad"
-    return FileCoordinates(values, read, kinds, units)
+        There are none if no joint can be driven, as of a spherical pendulum, or if only points or links are;
+        with `still` none is required.
+        """
+        drivers = self.read.get("drivers") or [name for name in requested if name in self.kinds]
+        if not requested and "drivers" not in self.read:
+            drivers = self._default_drivers()
+        drivable = any(KINDS[kind].drivable for kind in self.kinds.values())
+        if not (drivers or requested or still) and drivable:
+            raise InputError('no joint is driven; add drivers = ["NAME OF A JOINT"], or --drive JOINT=LAW')
+        for name in drivers:
+            self.require(name, ("drivers",))
+            kind = self.kinds[name]
+            if not KINDS[kind].drivable:  # pyright: ignore[reportArgumentType]
+                only = kinds_that(lambda kind_: kind_.drivable)
+                reason = f"names {kind} joint {name!r}; only a {only} one can be driven"
+                raise self.error(("drivers",), reason)
+        return tuple(drivers)
 
+    def _default_drivers(self) -> tuple[str, ...]:
+        """Return the joint called crank; of an open chain all that can be driven: they are independent."""
+        joints = self.read["joints"]
+        if CRANK in joints:
+            return (CRANK,)
+        links = {joint[end]["link"] for joint in joints.values() for end in ("a", "b")}
+        if len(joints) >= len(links) or self.read.get("couplings"):
+            return ()
+        return tuple(name for name, kind in self.kinds.items() if KINDS[kind].drivable)
 
-def drivers_of(coordinates: FileCoordinates, requested: tuple[str, ...], *, still: bool) -> tuple[str, ...]:
-    """Return the driven coordinates: of the file, else the requested joints, else the default ones.
-
-    There are none if no joint can be driven, as of a spherical pendulum, or if only points or links are; with
-    `still` none is required.
-    """
-    drivers = coordinates.read.get("drivers") or [name for name in requested if name in coordinates.kinds]
-    if not requested and "drivers" not in coordinates.read:
-        drivers = default_drivers(coordinates)
-    drivable = any(KINDS[kind].drivable for kind in coordinates.kinds.values())
-    if not (drivers or requested or still) and drivable:
-        raise InputError('no joint is driven; add drivers = ["NAME OF A JOINT"], or --drive JOINT=LAW')
-    for name in drivers:
-        coordinates.require(name, ("drivers",))
-        kind = coordinates.kinds[name]
-        if not KINDS[kind].drivable:  # pyright: ignore[reportArgumentType]
-            only = kinds_that(lambda kind_: kind_.drivable)
-            reason = f"names {kind} joint {name!r}; only a {only} one can be driven"
-            raise coordinates.error(("drivers",), reason)
-    return tuple(drivers)
-
-
-def default_drivers(coordinates: FileCoordinates) -> tuple[str, ...]:
-    """Return the joint called crank; of an open chain all joints that can be driven: they are independent."""
-    joints = coordinates.read["joints"]
-    if CRANK in joints:
-        return (CRANK,)
-    links = {joint[end]["link"] for joint in joints.values() for end in ("a", "b")}
-    if len(joints) >= len(links) or coordinates.read.get("couplings"):
-        return ()
-    return tuple(name for name, kind in coordinates.kinds.items() if KINDS[kind].drivable)
-
-
-def start_of(coordinates: FileCoordinates, drivers: tuple[str, ...]) -> tuple[float, dict[str, float]]:
-    """Return the crank angle of the guess in [rad], and the values of other coordinates at the guess."""
-    stated = coordinates.read.get("start")
-    if stated is None:
-        return 0.0, {}
-    first = drivers[0] if drivers else ""
-    if isinstance(stated, dict):
-        table = coordinates.table("start").items()
-        values = {name: coordinates.value(name, written, path) for name, (path, written) in table}
-    elif len(drivers) == 1:
-        values = {first: coordinates.value(first, stated, ("start",))}
-    else:
-        reason = f"is one number, but {', '.join(drivers)} are driven; give a table, {{ {first} = ... }}"
-        raise coordinates.error(("start",), reason)
-    if not drivers:
-        return 0.0, values
-    has_crank = len(drivers) == 1 and KINDS[coordinates.kinds[first]].hinge
-    return values.pop(first, 0.0) if has_crank else 0.0, values
-
-
-def locked_of(coordinates: FileCoordinates, drivers: tuple[str, ...]) -> dict[str, float]:
-    """Return the locked coordinates and their values in SI."""
-    locked: dict[str, float] = {}
-    for name, (path, value) in coordinates.table("locked").items():
-        if name in drivers:
-            raise coordinates.error(path, "is also driven; lock it, or drive it")
-        locked[name] = coordinates.value(name, value, path)
-    return locked
-
-
-def leaves(table: Mapping[str, Any], path: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], Any]]:
-    """Yield the key paths and entries of nested tables, without the tables themselves."""
-    for key, entry in table.items():
-        if isinstance(entry, dict):
-            yield from leaves(cast(Mapping[str, Any], entry), (*path, key))
+    def start(self, drivers: tuple[str, ...]) -> tuple[float, dict[str, float]]:
+        """Return the crank angle of the guess in [rad], and the values of other coordinates at the guess."""
+        stated = self.read.get("start")
+        if stated is None:
+            return 0.0, {}
+        first = drivers[0] if drivers else ""
+        if isinstance(stated, dict):
+            table = self.table("start").items()
+            values = {name: self.value(name, written, path) for name, (path, written) in table}
+        elif len(drivers) == 1:
+            values = {first: self.value(first, stated, ("start",))}
         else:
-            yield (*path, key), entry
+            reason = f"is one number, but {', '.join(drivers)} are driven; give a table, {{ {first} = ... }}"
+            raise self.error(("start",), reason)
+        if not drivers:
+            return 0.0, values
+        has_crank = len(drivers) == 1 and KINDS[self.kinds[first]].hinge
+        return values.pop(first, 0.0) if has_crank else 0.0, values
 
+    def locked(self, drivers: tuple[str, ...]) -> dict[str, float]:
+        """Return the locked coordinates and their values in SI."""
+        locked: dict[str, float] = {}
+        for name, (path, value) in self.table("locked").items():
+            if name in drivers:
+                raise self.error(path, "is also driven; lock it, or drive it")
+            locked[name] = self.value(name, value, path)
+        return locked
 
-def initial_of(coordinates: FileCoordinates) -> dict[str, float | tuple[float, ...]]:
-    """Return the initial state in SI: J.q and J.v of coordinates J, and J.q and J.w of spherical joints."""
-    initial: dict[str, float | tuple[float, ...]] = {}
-    for path, written in leaves(coordinates.read.get("initial", {}), ("initial",)):
-        text = ".".join(path[1:])
-        if isinstance(written, list | tuple):
-            units: tuple[Unit, ...] = ("rad/s",) * 3 if path[-1] == "w" else ("1", "1", "1", "rad")
-            entries = cast(Sequence[Any], written)
-            if len(entries) != len(units):
-                raise coordinates.error(path, "is a list; give q = [X, Y, Z, ANGLE] or w = [WX, WY, WZ]")
-            initial[text] = tuple(
-                coordinates.values.quantity(entry, unit, (*path, i))
-                for i, (entry, unit) in enumerate(zip(entries, units, strict=True))
+    def initial(self) -> dict[str, float | tuple[float, ...]]:
+        """Return the initial state in SI: J.q and J.v of coordinates J, J.q and J.w of spherical joints."""
+        initial: dict[str, float | tuple[float, ...]] = {}
+        for path, written in leaves(self.read.get("initial", {}), ("initial",)):
+            text = ".".join(path[1:])
+            if isinstance(written, list | tuple):
+                units: tuple[Unit, ...] = ("rad/s",) * 3 if path[-1] == "w" else ("1", "1", "1", "rad")
+                entries = cast(Sequence[Any], written)
+                if len(entries) != len(units):
+                    raise self.error(path, "is a list; give q = [X, Y, Z, ANGLE] or w = [WX, WY, WZ]")
+                initial[text] = tuple(
+                    self.values.quantity(entry, unit, (*path, i))
+                    for i, (entry, unit) in enumerate(zip(entries, units, strict=True))
+                )
+                continue
+            variable = state_variable(text, self.units)
+            if variable is None:
+                if path[-1] in ("q", "v"):
+                    self.require(".".join(path[1:-1]), path)
+                raise self.error(path, "is no state variable; give J.q or J.v of a coordinate J")
+            name, letter = variable
+            unit = self.units[name]
+            unit = unit if letter == "q" else ALONG[unit]["rate"]
+            initial[f"{name}.{letter}"] = self.values.quantity(written, unit, path)
+        return initial
+
+    def limits(self) -> FileLimits:
+        """Return the limits of coordinates, as ranges or as soft stops."""
+        limits, values = FileLimits(), self.values
+        for name, entry, path in self._limit_entries():
+            keys: set[str] = {*entry} if isinstance(entry, dict) else {""}
+            soft = bool(keys & {"stiffness", "damping"})
+            others = {"stiffness", "damping"} if soft else {"restitution"}
+            if not keys <= {"lower", "upper", *others} or not keys & {"lower", "upper"}:
+                reason = (
+                    "needs lower or upper, and takes restitution, or stiffness and damping; give these alone"
+                )
+                raise self.error(path, reason)
+            low, high = (
+                self.value(name, entry[side], (*path, side)) if side in entry else otherwise
+                for side, otherwise in (("lower", -np.inf), ("upper", np.inf))
             )
-            continue
-        variable = state_variable(text, coordinates.units)
-        if variable is None:
-            if path[-1] in ("q", "v"):
-                coordinates.require(".".join(path[1:-1]), path)
-            raise coordinates.error(path, "is no state variable; give J.q or J.v of a coordinate J")
-        name, letter = variable
-        unit = coordinates.units[name]
-        unit = unit if letter == "q" else ALONG[unit]["rate"]
-        initial[f"{name}.{letter}"] = coordinates.values.quantity(written, unit, path)
-    return initial
+            if not low < high:
+                reason = f"is from {low:.6g} to {high:.6g}; give a lower limit below the upper one"
+                raise self.error(path, reason)
+            if soft:
+                limits.stops += self._stops(name, entry, path, (low, high))
+                continue
+            limits.ranges[name] = low, high
+            if "restitution" in entry:
+                limits.restitution[name] = restitution_of(values, entry, path)
+        for name, table in self.read.get("couplings", {}).items():
+            if "restitution" in table:
+                limits.restitution[f"{name}.gap"] = restitution_of(values, table, ("couplings", name))
+        return limits
 
+    def _limit_entries(self) -> Iterator[tuple[str, Any, KeyPath]]:
+        """Yield each limited coordinate, its limits as written, and their key path."""
+        for joint, table in self.read["joints"].items():
+            limits, whole = table.get("limits"), ("joints", joint, "limits")
+            if limits is None:
+                continue
+            if not KINDS[table["kind"]].units:
+                reason = f"is of a {table['kind']} joint, which has no coordinate to limit; leave it out"
+                raise self.error(whole, reason)
+            by_coordinate = any(isinstance(entry, dict) for entry in limits.values())
+            for suffix, entry in limits.items() if by_coordinate else [("", limits)]:
+                name, path = (f"{joint}.{suffix}", (*whole, suffix)) if suffix else (joint, whole)
+                self.require(name, path)
+                yield name, entry, path
 
-@dataclass
-class FileLimits:
-    """The limits of coordinates of a file, in SI.
+    def _stops(
+        self, name: str, entry: Any, path: KeyPath, limits: tuple[float, float]
+    ) -> "list[NonlinearSpring]":
+        """Return the soft stops at the limits of a coordinate."""
+        if KINDS[self.kinds[name]].rod:
+            raise self.error(path, "is of a rod, which has no stops; give its length alone")
+        from mechsim.mechanism.nonlinear_springs import NonlinearSpring, SoftStop
 
-    Attributes:
-        ranges: coordinate -> lower and upper limit that no motion exceeds.
-        restitution: coordinate, or gap of a coupling -> coefficient of restitution there, if stated.
-        stops: soft stops, which yield.
-    """
-
-    ranges: dict[str, tuple[float, float]] = field(default_factory=dict[str, tuple[float, float]])
-    restitution: dict[str, float] = field(default_factory=dict[str, float])
-    stops: "list[NonlinearSpring]" = field(default_factory=list["NonlinearSpring"])
-
-
-def limits_of(coordinates: FileCoordinates) -> FileLimits:
-    """Return the limits of coordinates, as ranges or as soft stops."""
-    limits, values = FileLimits(), coordinates.values
-    for name, entry, path in _limit_entries(coordinates):
-        keys: set[str] = {*entry} if isinstance(entry, dict) else {""}
-        soft = bool(keys & {"stiffness", "damping"})
-        others = {"stiffness", "damping"} if soft else {"restitution"}
-        if not keys <= {"lower", "upper", *others} or not keys & {"lower", "upper"}:
-            reason = "needs lower or upper, and takes restitution, or stiffness and damping; give these alone"
-            raise coordinates.error(path, reason)
-        low, high = (
-            coordinates.value(name, entry[side], (*path, side)) if side in entry else otherwise
-            for side, otherwise in (("lower", -np.inf), ("upper", np.inf))
+        values, along = self.values, ALONG[self.units[name]]
+        stiffness, damping = (
+            values.quantity(entry.get(key, 0.0), along[key], (*path, key)) for key in ("stiffness", "damping")
         )
-        if not low < high:
-            reason = f"is from {low:.6g} to {high:.6g}; give a lower limit below the upper one"
-            raise coordinates.error(path, reason)
-        if soft:
-            limits.stops += _stops(coordinates, name, entry, path, (low, high))
-            continue
-        limits.ranges[name] = low, high
-        if "restitution" in entry:
-            limits.restitution[name] = restitution_of(values, entry, path)
-    for name, table in coordinates.read.get("couplings", {}).items():
-        if "restitution" in table:
-            limits.restitution[f"{name}.gap"] = restitution_of(values, table, ("couplings", name))
-    return limits
+        with values.source.error_context(path):
+            return [
+                NonlinearSpring(name, SoftStop(limit, side, stiffness, damping))
+                for limit, side in zip(limits, (-1.0, 1.0), strict=True)
+                if abs(limit) < np.inf
+            ]
 
+    def motion_laws(self, drivers: tuple[str, ...]) -> dict[str, FileMotionLaw]:
+        """Return the motion laws of a file's drivers."""
+        laws: dict[str, FileMotionLaw] = {}
+        for name, (path, text) in (self.table("motion_laws") | self.table("programs")).items():
+            if name not in drivers:
+                raise self.error(path, f"is not driven; drivers are {', '.join(drivers)}")
+            laws[name] = FileMotionLaw(self, text, path)
+        return laws
 
-def _limit_entries(coordinates: FileCoordinates) -> Iterator[tuple[str, Any, KeyPath]]:
-    """Yield each limited coordinate, its limits as written, and their key path."""
-    for joint, table in coordinates.read["joints"].items():
-        limits, whole = table.get("limits"), ("joints", joint, "limits")
-        if limits is None:
-            continue
-        if not KINDS[table["kind"]].units:
-            reason = f"is of a {table['kind']} joint, which has no coordinate to limit; leave it out"
-            raise coordinates.error(whole, reason)
-        by_coordinate = any(isinstance(entry, dict) for entry in limits.values())
-        for suffix, entry in limits.items() if by_coordinate else [("", limits)]:
-            name, path = (f"{joint}.{suffix}", (*whole, suffix)) if suffix else (joint, whole)
-            coordinates.require(name, path)
-            yield name, entry, path
+    def couplings(self) -> tuple[tuple[Gear, ...], tuple[Coupling, ...]]:
+        """Return the gears between revolute joints, and all other couplings."""
+        gears, couplings = list[Gear](), list[Coupling]()
+        for name, table in self.read.get("couplings", {}).items():
+            written = WrittenCoupling(self, name, table, ("couplings", name))
+            with self.values.source.error_context(written.path):
+                made = _coupling(written)
+                if "backlash" in table:
+                    made = replace(made.coupling, name=name) if isinstance(made, Gear) else made
+                    made = replace(
+                        made, backlash=written.value(table["driven"], table["backlash"], "backlash")
+                    )
+            if isinstance(made, Gear):
+                gears.append(made)
+            else:
+                couplings.append(made)
+        return tuple(gears), tuple(couplings)
 
 
 def restitution_of(values: Values, entry: Mapping[str, Any], path: KeyPath) -> float:
@@ -244,67 +314,6 @@ def restitution_of(values: Values, entry: Mapping[str, Any], path: KeyPath) -> f
     if not 0.0 <= value <= 1.0:
         raise values.source.error((*path, "restitution"), f"is {value:g}; give 0 to 1")
     return value
-
-
-def _stops(
-    coordinates: FileCoordinates, name: str, entry: Any, path: KeyPath, limits: tuple[float, float]
-) -> "list[NonlinearSpring]":
-    """Return the soft stops at the limits of a coordinate."""
-    if KINDS[coordinates.kinds[name]].rod:
-        raise coordinates.error(path, "is of a rod, which has no stops; give its length alone")
-    from mechsim.mechanism.nonlinear_springs import NonlinearSpring, SoftStop
-
-    values, along = coordinates.values, ALONG[coordinates.units[name]]
-    stiffness, damping = (
-        values.quantity(entry.get(key, 0.0), along[key], (*path, key)) for key in ("stiffness", "damping")
-    )
-    with values.source.error_context(path):
-        return [
-            NonlinearSpring(name, SoftStop(limit, side, stiffness, damping))
-            for limit, side in zip(limits, (-1.0, 1.0), strict=True)
-            if abs(limit) < np.inf
-        ]
-
-
-@dataclass(frozen=True)
-class FileMotionLaw:
-    """A motion law in a file: numbers without a unit are in the file's units, and parameters have names.
-
-    Attributes:
-        coordinates: the file's coordinates.
-        text: its text.
-        path: its key path.
-    """
-
-    coordinates: FileCoordinates
-    text: str
-    path: KeyPath
-
-    def parse(self, name: str, unit: str, start: "Start") -> "MotionLaw":
-        """Return the motion law, as `parse_motion_law`."""
-        from mechsim.io.law_text import parse_motion_law
-
-        values = self.coordinates.values
-        text = values.source.sibling(self.text) if is_table(self.text) else self.text
-        with values.source.error_context(self.path):
-            return parse_motion_law(
-                text,
-                name,
-                unit,
-                start,
-                default_unit=values.in_si(1.0, self.coordinates.units[name]),
-                parameters=values.parameters,
-            )
-
-
-def motion_laws_of(coordinates: FileCoordinates, drivers: tuple[str, ...]) -> dict[str, FileMotionLaw]:
-    """Return the motion laws of a file's drivers."""
-    laws: dict[str, FileMotionLaw] = {}
-    for name, (path, text) in (coordinates.table("motion_laws") | coordinates.table("programs")).items():
-        if name not in drivers:
-            raise coordinates.error(path, f"is not driven; drivers are {', '.join(drivers)}")
-        laws[name] = FileMotionLaw(coordinates, text, path)
-    return laws
 
 
 Side = str | dict[str, float]
@@ -359,23 +368,6 @@ class WrittenCoupling:
                 raise self.error(reason, side)
         driven = self.table["driven"]
         return driven, self.table["driver"], self.value(driven, self.table.get("phase", 0.0), "phase")
-
-
-def couplings_of(coordinates: FileCoordinates) -> tuple[tuple[Gear, ...], tuple[Coupling, ...]]:
-    """Return the gears between revolute joints, and all other couplings."""
-    gears, couplings = list[Gear](), list[Coupling]()
-    for name, table in coordinates.read.get("couplings", {}).items():
-        written = WrittenCoupling(coordinates, name, table, ("couplings", name))
-        with coordinates.values.source.error_context(written.path):
-            made = _coupling(written)
-            if "backlash" in table:
-                made = replace(made.coupling, name=name) if isinstance(made, Gear) else made
-                made = replace(made, backlash=written.value(table["driven"], table["backlash"], "backlash"))
-        if isinstance(made, Gear):
-            gears.append(made)
-        else:
-            couplings.append(made)
-    return tuple(gears), tuple(couplings)
 
 
 def _coupling(written: WrittenCoupling) -> Gear | Coupling:

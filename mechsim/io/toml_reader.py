@@ -12,17 +12,7 @@ import numpy as np
 from mechsim.files import read_text
 from mechsim.io.model_source import ModelDescription, ModelSource, Parameters, Prescription
 from mechsim.io.parameter_units import parameter_dependencies, parameter_units, require_dimensions
-from mechsim.io.toml_coordinates import (
-    FileCoordinates,
-    coordinates_of,
-    couplings_of,
-    drivers_of,
-    initial_of,
-    limits_of,
-    locked_of,
-    motion_laws_of,
-    start_of,
-)
+from mechsim.io.toml_coordinates import FileCoordinates
 from mechsim.io.toml_keys import root
 from mechsim.io.toml_links import joint_of, links_of, pose_of
 from mechsim.io.toml_values import TomlSource, Values, head_comment, parsed_source, shown, values_of
@@ -87,11 +77,11 @@ class TomlModel(ModelSource):
             document, added, contacts = with_curves(values, document, values.checked(root(), document, ()))
         read = values.checked(root(), document, ())
         require_dimensions(source, {**source.document.get("parameters", {}), **changed})
-        coordinates = coordinates_of(values, read)
+        coordinates = FileCoordinates(values, read)
         with source.error_context(()):
-            drivers = drivers_of(coordinates, tuple(prescription.drive), still=prescription.still)
+            drivers = coordinates.drivers(tuple(prescription.drive), still=prescription.still)
             mechanism = replace(mechanism_of(coordinates, drivers, added), contacts=contacts)
-        limits = limits_of(coordinates)
+        limits = coordinates.limits()
         stated = {name: contact.restitution for name, contact in contacts.items()}
         restitution = {f"{name}.gap": e for name, e in stated.items() if e is not None}
         forces, facts = None, ()
@@ -105,7 +95,7 @@ class TomlModel(ModelSource):
             parameters=values.parameters,
             formula=formula_path(source, read.get("formula", {}).get("python", "")),
             forces=forces,
-            initial=initial_of(coordinates),
+            initial=coordinates.initial(),
             ranges=limits.ranges,
             restitution=limits.restitution | restitution,
             written=WrittenUnits(values.length, values.angle),
@@ -115,7 +105,7 @@ class TomlModel(ModelSource):
         duration = read.get("duration")
         if duration is not None and not duration > 0.0:
             raise source.error(("duration",), f"is {duration:g} s; give a time above 0")
-        return ModelDescription(solver, motion_laws_of(coordinates, drivers), duration)
+        return ModelDescription(solver, coordinates.motion_laws(drivers), duration)
 
     def values(self, changed: Mapping[str, str | float]) -> Values:
         """Return what reads values of the file, with its parameters."""
@@ -168,8 +158,8 @@ def mechanism_of(
 ) -> Mechanism:
     """Return the mechanism that a file describes, with its drivers and the couplings of its curves."""
     source, read = coordinates.values.source, coordinates.read
-    start, guess_coordinates = start_of(coordinates, drivers)
-    gears, couplings = couplings_of(coordinates)
+    start, guess_coordinates = coordinates.start(drivers)
+    gears, couplings = coordinates.couplings()
     mechanism = Mechanism(
         name=read["name"],
         links=tuple(links_of(source, read)),
@@ -183,7 +173,7 @@ def mechanism_of(
         guess={name: pose_of(source, name, entry) for name, entry in read.get("guess", {}).items()},
         start=start,
         couplings=(*couplings, *added),
-        locked=locked_of(coordinates, drivers),
+        locked=coordinates.locked(drivers),
         guess_coordinates=guess_coordinates,
         up=read.get("display", {}).get("up") or _against_gravity(read),
     )

@@ -100,36 +100,33 @@ def design_arrays(like: Mechanism, designs: Sequence[Mechanism]) -> DesignArrays
     return DesignArrays(like, ends, points)
 
 
-def started_designs(like: Mechanism, designs: Sequence[Mechanism]) -> StartedDesigns:
-    """Return the dimensions and guesses of designs that have the structure of `like`.
+def similar_designs(
+    like: Mechanism, designs: Iterable[Mechanism | None]
+) -> tuple[StartedDesigns | None, NDArray[np.intp]]:
+    """Return the designs that have the structure of `like`, and their indices; None if there are none.
 
     Raises:
         InputError: if no chain of joints connects a link with the frame.
     """
-    arrays = design_arrays(like, designs)
-    starts_of = [initial_coordinates(design) for design in designs]
-    coordinates = {name: np.array([design[name] for design in starts_of]) for name in starts_of[0]}
-    guess = {
-        link: Pose(
-            np.array([design.guess[link].position for design in designs]),
-            np.array([design.guess[link].rotation for design in designs]),
-        )
-        for link in designs[0].guess
-    }
-    return StartedDesigns(arrays, complete_guess(like, arrays.sides(), guess, coordinates), coordinates)
-
-
-def similar_designs(
-    like: Mechanism, designs: Iterable[Mechanism | None]
-) -> tuple[StartedDesigns | None, NDArray[np.intp]]:
-    """Return the designs that have the structure of `like`, and their indices; None if there are none."""
     similar = [
         (i, design) for i, design in enumerate(designs) if design is not None and same_structure(like, design)
     ]
     # a batch needs guesses of the same links
     similar = [(i, design) for i, design in similar if design.guess.keys() == similar[0][1].guess.keys()]
-    which = np.array([i for i, _ in similar], dtype=np.intp)
-    return (started_designs(like, [design for _, design in similar]) if similar else None), which
+    which, alike = np.array([i for i, _ in similar], dtype=np.intp), [design for _, design in similar]
+    if not alike:
+        return None, which
+    arrays, starts_of = design_arrays(like, alike), [initial_coordinates(design) for design in alike]
+    coordinates = {name: np.array([design[name] for design in starts_of]) for name in starts_of[0]}
+    guess = {
+        link: Pose(
+            np.array([design.guess[link].position for design in alike]),
+            np.array([design.guess[link].rotation for design in alike]),
+        )
+        for link in alike[0].guess
+    }
+    placed = complete_guess(like, arrays.sides(), guess, coordinates)
+    return StartedDesigns(arrays, placed, coordinates), which
 
 
 def same_structure(first: Mechanism, other: Mechanism) -> bool:

@@ -482,6 +482,14 @@ class Expression:
             by_name[name] = result.rate if isinstance(result, Jet) else np.zeros_like(array)
         return self(values), by_name
 
+    def stepped(self, values: Mapping[str, Any], count: int) -> Any:
+        """Return the values (count,) at variables name -> (count,), with complex steps by derivatives."""
+        real = {name: np.real(value) for name, value in values.items()}
+        if not any(np.iscomplexobj(value) for value in values.values()):
+            return np.broadcast_to(self(real), (count,))
+        result, derivatives = self.derivatives(real)
+        return result + 1j * sum(change * np.imag(values[name]) for name, change in derivatives.items())
+
     def jet(self, values: Mapping[str, Any]) -> Jet:
         """Return the value and its derivatives along jets of variables, name -> jet or number."""
         result = self._evaluate(values)

@@ -184,12 +184,8 @@ def coordinates(kind: Kind, gap: Array, frame_a: Array, frame_b: Array, cross_an
     if kind.crossed:
         relative = np.swapaxes(frame_a, -1, -2) @ frame_b
         first = angle_of(relative[..., 1, 2], relative[..., 0, 2])
-        c, s = np.cos(first), np.sin(first)
-        back = np.zeros_like(relative)  # inverse of the rotation about a's axis
-        back[..., 0, 0], back[..., 0, 1] = c, s
-        back[..., 1, 0], back[..., 1, 1] = -s, c
-        back[..., 2, 2] = 1.0
-        rest = crossed_at_zero(cross_angle).T @ back @ relative
+        # after the inverse of the rotation about a's axis
+        rest = crossed_at_zero(cross_angle).T @ _about_z(-first) @ relative
         columns += (first, angle_of(rest[..., 1, 0], rest[..., 0, 0]))
     elif not kind.ball and kind.turns:
         x_of_b = (np.swapaxes(frame_a, -1, -2) @ frame_b[..., :1])[..., 0]  # b's reference seen from a
@@ -223,7 +219,7 @@ def crossed_at_zero(cross_angle: float) -> Array:
 
 def _about_z(angle: float | Array) -> Array:
     c, s = np.cos(angle), np.sin(angle)
-    matrix = np.zeros((*np.shape(angle), 3, 3))
+    matrix = np.zeros((*np.shape(angle), 3, 3), np.result_type(c))
     matrix[..., 0, 0] = matrix[..., 1, 1] = c
     matrix[..., 0, 1], matrix[..., 1, 0] = -s, s
     matrix[..., 2, 2] = 1.0

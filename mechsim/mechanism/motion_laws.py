@@ -332,10 +332,6 @@ class MotionLaws:
         """Revolutions of the fastest driver, or cycles of the fastest oscillation."""
         return self.duration * self.fastest / REVOLUTION
 
-    def with_duration(self, duration: float) -> MotionLaws:
-        """Return the same motion laws over another duration in [s]."""
-        return replace(self, duration=duration)
-
 
 @dataclass(frozen=True)
 class CrankLaw(MotionLaws):

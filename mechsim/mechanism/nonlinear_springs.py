@@ -222,11 +222,7 @@ class SpringLaw:
         if not self.text:
             return 0.0
         values: dict[str, Any] = {**dict(zip(self.names, self.values, strict=True)), "l": length, "v": rate}
-        real = {name: np.real(value) for name, value in values.items()}
-        if not any(np.iscomplexobj(value) for value in values.values()):
-            return np.broadcast_to(self._expression(real), np.shape(length))
-        value, derivatives = self._expression.derivatives(real)
-        return value + 1j * sum(change * np.imag(values[name]) for name, change in derivatives.items())
+        return self._expression.stepped(values, len(length))
 
 
 @dataclass(frozen=True, slots=True)

@@ -77,7 +77,7 @@ def _under_motion_laws(solver: KinematicSolver, laws: MotionLaws, time: Array) -
     """Return a solver under its own motion laws at the times of a table."""
     last = float(time.max())
     if last > laws.duration:
-        solver = solver.with_mechanism(solver.mechanism, motion_laws=laws.with_duration(last))
+        solver = solver.with_mechanism(solver.mechanism, motion_laws=replace(laws, duration=last))
     return _at_times(solver, laws, time)
 
 
