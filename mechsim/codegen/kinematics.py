@@ -94,14 +94,10 @@ def _joint_numbers(assembly: SolvedAssembly, varying: VaryingNumbers, table: Exp
         return np.array(names, dtype=object).reshape(values.shape)
 
     ends = dict(numbers.ends)
-    for name, (point_a, frame_a, point_b, frame_b) in numbers.ends.items():
-        (at_a, axes_a), (at_b, axes_b) = (varying.sides.get((name, side), (None, None)) for side in "ab")
-        ends[name] = (
-            symbols(at_a, point_a),
-            symbols(axes_a, frame_a),
-            symbols(at_b, point_b),
-            symbols(axes_b, frame_b),
-        )
+    for name, arrays in numbers.ends.items():
+        firsts = [first for side in "ab" for first in varying.sides.get((name, side), (None, None))]
+        point_a, frame_a, point_b, frame_b = map(symbols, firsts, arrays)
+        ends[name] = point_a, frame_a, point_b, frame_b
     original = design_arrays(assembly.loops.tree.original, [assembly.loops.tree.original])
     points = {name: symbols(varying.points.get(name), values) for name, values in original.points.items()}
     return DesignArrays(mechanism, {**original.ends, **ends}, points)
@@ -243,14 +239,8 @@ class SolverFormulas:
             twist, spatial = (values[i, :, 0] for values in self.motion)
             position = self.poses.position[i, :, 0]
             velocity, acceleration = point_rates(twist, spatial, position)
-            values = (
-                position,
-                self.poses.rotation[i, ..., 0].ravel(),
-                velocity,
-                twist[3:],
-                acceleration,
-                spatial[3:],
-            )
+            rotation = self.poses.rotation[i, ..., 0].ravel()
+            values = position, rotation, velocity, twist[3:], acceleration, spatial[3:]
             blocks.append(self._record_block(f"link {name}", f"links[{k}]", LINK, values))
         return statements(blocks, self.symbols)
 
@@ -283,21 +273,15 @@ class SolverFormulas:
     def _closing_motion(self, joint: Joint) -> Iterator[tuple[Any, Any, Any]]:
         """Yield value, rate and acceleration of each coordinate of a joint that closes a loop."""
         kind = KINDS[joint.kind]
-        (point_a, frame_a, twist_a, spatial_a), (point_b, frame_b, twist_b, spatial_b) = map(
-            self._side,
-            (joint.a, joint.b),
-            (self.numbers.ends[joint.name][:2], self.numbers.ends[joint.name][2:]),
-        )
+        numbers = self.numbers.ends[joint.name]
+        point_a, frame_a, twist_a, spatial_a = self._side(joint.a, numbers[:2])
+        point_b, frame_b, twist_b, spatial_b = self._side(joint.b, numbers[2:])
         rates_a, rates_b = point_rates(twist_a, spatial_a, point_a), point_rates(twist_b, spatial_b, point_b)
         gap, spin = point_b - point_a, twist_a[3:]
         # relative to side a
         relative = rates_b[0] - rates_a[0] - cross(spin, gap)
-        second = (
-            rates_b[1]
-            - rates_a[1]
-            - cross(spatial_a[3:], gap)
-            - cross(spin, 2.0 * relative + cross(spin, gap))
-        )
+        second = rates_b[1] - rates_a[1] - cross(spatial_a[3:], gap)
+        second = second - cross(spin, 2.0 * relative + cross(spin, gap))
         for axis in kind.slides:
             direction = frame_a[:, COLUMN[axis]]
             yield direction @ gap, direction @ relative, direction @ second

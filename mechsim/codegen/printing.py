@@ -57,9 +57,11 @@ def c_header(code: SolverCode) -> str:
         plain = identifiers(names).values()
         lines += _enumeration(comment, {f"{kind}_{name}": i for i, name in enumerate(plain)})
     for name, (values, comment) in code.integers.items():
-        lines += _array("int", name, [str(value) for value in values], comment)
+        lines += [f"/* {comment} */", *c_array("int", f"@{name}", [str(value) for value in values])]
     for name, (numbers, comment) in code.reals.items():
-        lines += _array("@real", name, [repr(value) for value in numbers.tolist()], comment)
+        width = INERTIA_NUMBERS if name == "INERTIAS" else PER_LINE
+        entries = [repr(value) for value in numbers.tolist()]
+        lines += [f"/* {comment} */", *c_array("@real", f"@{name}", entries, width)]
     for name, record in code.records.items():
         lines += ["", "typedef struct {"]
         for field, count, comment in record:
@@ -123,10 +125,9 @@ def _enumeration(comment: str, values: Mapping[str, int]) -> list[str]:
     return ["", f"/* {comment} */", "enum {", *entries, "};"] if entries else []
 
 
-def _array(kind: str, name: str, values: Sequence[str], comment: str) -> Iterator[str]:
-    yield f"/* {comment} */"
-    yield f"static const {kind} @{name}[{len(values)}] = {{"
-    width = INERTIA_NUMBERS if name == "INERTIAS" else PER_LINE
-    for i in range(0, len(values), width):
-        yield f"  {', '.join(values[i : i + width])},"
+def c_array(kind: str, name: str, entries: Sequence[str], width: int = PER_LINE) -> Iterator[str]:
+    """Yield the lines of a constant array in C, with `width` entries each."""
+    yield f"static const {kind} {name}[{len(entries)}] = {{"
+    for i in range(0, len(entries), width):
+        yield f"  {', '.join(entries[i : i + width])},"
     yield "};"

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
+from mechsim.codegen.printing import c_array
 from mechsim.codegen.solver_code import SolverCode, template
 from mechsim.errors import InputError
 from mechsim.kinematics.loops.motion import instants_of_laws
@@ -109,8 +110,4 @@ def _c_array(name: str, values: Array) -> Iterator[str]:
     of_drivers = name in ("drivers", "rates", "accelerations")
     number = "@real" if of_drivers else "int" if values.dtype.kind == "i" else "double"
     entries = [f"{'(@real)' * of_drivers}{value!r}" for value in values.ravel().tolist()]
-    yield f"static const {number} {name}[{len(entries)}] = {{"
-    width = NUMBERS if name == "reference" else 6
-    for i in range(0, len(entries), width):
-        yield f"  {', '.join(entries[i : i + width])},"
-    yield "};"
+    return c_array(number, name, entries, NUMBERS if name == "reference" else 6)

@@ -78,9 +78,8 @@ class GivenObject(ModelSource):
         """Return the mechanism."""
         if changed:
             raise InputError(f"{self.model.name} is an object without parameters; leave out set")
-        return ModelDescription(
-            KinematicSolver(self.model) if isinstance(self.model, Mechanism) else self.model
-        )
+        solver = KinematicSolver(self.model) if isinstance(self.model, Mechanism) else self.model
+        return ModelDescription(solver)
 
 
 def _is_factory(loaded: Any) -> bool:

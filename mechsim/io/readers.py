@@ -27,7 +27,6 @@ from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.motion_laws import State
 
 if TYPE_CHECKING:
-    from mechsim.mechanism.forces import Forces
     from mechsim.simulation.mjcf_reader.parsed_file import MujocoInput
 
     Model: TypeAlias = PathLike[str] | KinematicSolver | Mechanism | MujocoInput | ModelSource
@@ -201,16 +200,13 @@ def parametric_model(
         texts = {name: as_text(value, dimensions[name].unit) for name, value in values.items()}
         return prescribed_solver(source, changed | texts, prescription, assembled=assembled, guess=guess)
 
-    def forces(values: Mapping[str, float]) -> Forces | None:
-        return design(values, assembled=False).forces
-
     derived = {name: used for name, used in parameters.derived.items() if used and name not in changed}
     return DesignFamily(
         solver.name,
         dimensions,
         lambda values: design(values, assembled=False).mechanism,
         lambda values: design(values, assembled=True),
-        forces if solver.forces is not None else None,
+        None if solver.forces is None else lambda values: design(values, assembled=False).forces,
         tuple(name for name in dimensions if name not in derived),
         derived,
         parameters.intended_use,

@@ -26,7 +26,15 @@ def with_backlash(document: Mapping[str, Any]) -> dict[str, Any]:
         if "backlash" not in joint:
             continue
         motor, shaft = f"{name}.motor", f"{VIRTUAL_PREFIX}{name}.motor"
-        _require_single(name, joint, couplings)
+        kind = KINDS.get(joint["kind"])
+        if kind is None or not kind.single:
+            kinds = kinds_that(lambda kind: kind.single)
+            raise InputError(
+                f"backlash is given in {joint['kind']} joint {name!r}; give it in a {kinds} joint, or a "
+                "coupling"
+            )
+        if name in couplings:
+            raise InputError(f"joint {name!r} has backlash, and a coupling has its name; rename the coupling")
         joints[name] = {key: value for key, value in joint.items() if key != "backlash"}
         joints[motor] = {"kind": joint["kind"], "a": joint["a"], "b": {**joint["b"], "link": shaft}}
         links[shaft], motors[name] = MASSLESS, motor
@@ -41,17 +49,6 @@ def with_backlash(document: Mapping[str, Any]) -> dict[str, Any]:
     changed = {key: entry for key, entry in driven.items() if key in document}
     tables = {"joints": joints, "links": links, "couplings": couplings, "forces": forces}
     return {**document, **tables, **changed}
-
-
-def _require_single(name: str, joint: Mapping[str, Any], couplings: Mapping[str, Any]) -> None:
-    kind = KINDS.get(joint["kind"])
-    if kind is None or not kind.single:
-        kinds = kinds_that(lambda kind: kind.single)
-        raise InputError(
-            f"backlash is given in {joint['kind']} joint {name!r}; give it in a {kinds} joint, or a coupling"
-        )
-    if name in couplings:
-        raise InputError(f"joint {name!r} has backlash, and a coupling has its name; rename the coupling")
 
 
 def _moved_forces(forces: Mapping[str, Any], joint: str, motor: str) -> dict[str, Any]:

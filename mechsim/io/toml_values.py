@@ -214,12 +214,11 @@ class Values:
 
     def quantity(self, value: Any, unit: Unit, path: KeyPath) -> float:
         """Return a number, a quantity or an expression in SI; numbers without a unit are in the file's."""
-        bare = None if is_quantity(value) else self.plain_number(value, path)
         with self.source.error_context(path):
-            if bare is None:
+            if is_quantity(value):
                 number = units.parse(value, unit, ".".join(str(name) for name in path))
             else:
-                number = self.in_si(bare, unit)
+                number = self.in_si(self.plain_number(value, path), unit)
         if not abs(number) <= HUGE:
             raise self.source.error(path, f"is {shown(value)}; give at most {HUGE:g} in SI")
         return number

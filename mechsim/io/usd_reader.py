@@ -36,18 +36,12 @@ KIND_OF: dict[str, KindName] = {
     "PhysicsFixedJoint": "fixed",
 }
 AXES = "XYZ"
-# numbers of free slides and turns of a PhysicsJoint -> kind
-KIND_OF_FREE: dict[tuple[int, int], KindName] = {
-    (0, 0): "fixed",
-    (0, 1): "revolute",
-    (1, 0): "prismatic",
-    (1, 1): "cylindrical",
-    (0, 2): "universal",
-    (0, 3): "spherical",
-    (2, 1): "planar",
-    (3, 0): "cartesian",
-    (3, 3): "floating",
-}
+# kinds that a PhysicsJoint can be, and these by the numbers of its free slides and turns
+FREE_KINDS: tuple[KindName, ...] = (
+    *("fixed", "revolute", "prismatic", "cylindrical", "universal", "spherical", "planar", "cartesian"),
+    "floating",
+)
+KIND_OF_FREE = {(len(KINDS[kind].slides), len(KINDS[kind].turns)): kind for kind in FREE_KINDS}
 # what files hold rounded to single precision: sines and cosines of 0, 30, 45, 60 and 90 degrees
 ROUNDED = np.array([0.0, 0.5, np.sqrt(0.5), np.sqrt(0.75), 1.0])
 ROUNDING = float(np.finfo(np.float32).eps)

@@ -5,7 +5,6 @@ rotation. Parallel shafts have a parallel pitch line, the crossing shafts of a b
 intersection, a rack and its pinion one along the pinion's shaft.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -128,16 +127,15 @@ def mesh_of(mechanism: Mechanism, law: Coupling) -> Mesh | None:
 
 def _toothed(mechanism: Mechanism, law: Coupling) -> tuple[ToothedLink, ToothedLink] | None:
     """Return driven and driver of a coupling with teeth whose joints share a link; else None."""
-    sides = [*law.left_terms], [*law.right_terms]
-    if law.pressure_angle is None or len(law.coefficients) != 2 or [len(side) for side in sides] != [1, 1]:
+    sides = len(law.left_terms), len(law.right_terms), len(law.coefficients)
+    if law.pressure_angle is None or sides != (1, 1, 2):
         return None
-    joints: Mapping[str, Joint] = {joint.name: joint for joint in mechanism.joints}
-    pair = [joints.get(side[0]) for side in sides]
-    driven, driver = pair
-    if driven is None or driver is None or not all(KINDS[joint.kind].single for joint in (driven, driver)):
+    joints = {joint.name: joint for joint in mechanism.joints if KINDS[joint.kind].single}
+    driven, driver = (joints.get(name) for name in law.coordinates)
+    if driven is None or driver is None or driven is driver:
         return None
-    shared = {driven.a.link, driven.b.link} & {driver.a.link, driver.b.link}
-    if len(shared) != 1 or driven is driver:
+    shared = {*driven.links} & {*driver.links}
+    if len(shared) != 1:
         return None
     carrier = shared.pop()
     return _wheel(driven, carrier), _wheel(driver, carrier)
