@@ -425,8 +425,8 @@ def _first_bad(names: list[str], lines: list[str]) -> str:
 
 def _read_npz(path: Path) -> Table:
     with zipfile.ZipFile(path) as packed:
-        size = sum(member.file_size for member in packed.infolist())
-        require_memory(f"what {path.name} holds", size, TABLE_MEMORY_FACTOR, SHORTER)
+        total = sum(member.file_size for member in packed.infolist())
+        require_memory(f"what {path.name} holds", total, TABLE_MEMORY_FACTOR, SHORTER)
     with np.load(path, allow_pickle=False) as file:
         return {name: np.asarray(file[name], dtype=np.float64) for name in file.files}
 

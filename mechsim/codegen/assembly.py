@@ -220,12 +220,8 @@ def _spin_axes(solver: TreeSolver) -> dict[str, Array]:
     loops, count = solver.loops, solver.nullity
     rates = np.zeros((loops.tree.count, count, 1))
     rates[loops.unknown, :, 0] = solver.null_space.T
-    angular = np.stack(
-        [
-            twists(loops.tree, solver.at_reference.poses, rates[:, k] * loops.units[:, None])[:, 3:, 0]
-            for k in range(count)
-        ]
-    )
+    poses, units = solver.at_reference.poses, loops.units[:, None]
+    angular = np.stack([twists(loops.tree, poses, rates[:, k] * units)[:, 3:, 0] for k in range(count)])
     fastest = np.abs(angular).max()
     axes: dict[str, Array] = {}
     for name, i in loops.tree.index.items():

@@ -98,12 +98,8 @@ def parametric_geometry(model: Any, designs: DesignFamily) -> ParametricGeometry
 
 def _varies(designs: DesignFamily, kept: Sequence[Dimension], formulas: Sequence[Formula]) -> bool:
     values = designs.values()
-    return any(
-        formula.value({**values, dimension.name: _changed(dimension, CHANGES[0], designs)})
-        != formula.value(values)
-        for dimension in kept
-        for formula in formulas
-    )
+    changed = [{**values, each.name: _changed(each, CHANGES[0], designs)} for each in kept]
+    return any(formula.value(other) != formula.value(values) for other in changed for formula in formulas)
 
 
 def _changed(dimension: Dimension, change: float, designs: DesignFamily) -> float:

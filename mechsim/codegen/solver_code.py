@@ -29,25 +29,23 @@ TEMPLATES = Path(__file__).parent / "templates"
 STEP = 0.1
 # maximum number of attempted steps of a call
 ATTEMPTS = 4096
-# failed steps are halved down to this fraction of the first step
-HALVED = 1.0 / 256.0
-# largest predicted displacement of an unknown in a step, in [rad] or characteristic lengths: near a singular
-# configuration a prediction that spins a link may end near a solution of another assembly by chance
-DISPLACEMENT = 0.5
-# Newton's method after a step: largest first correction, in [rad] or characteristic lengths, and largest
-# ratio of successive corrections
-CORRECTION, CONTRACTION = 0.02, 0.25
+# iterations of Newton's method after a step
 ITERATIONS = 10
-# smallest pivot of the dimensionless loop Jacobian: closer to a singular configuration, accelerations lose
-# more than 12 of 16 digits
-PIVOT = 1e-6
 # names in the template `solver.c` -> their values
 NUMBERS = {
-    "PIVOT": PIVOT,
-    "CORRECTION": CORRECTION,
-    "CONTRACTION": CONTRACTION,
-    "HALVED": HALVED,
-    "DISPLACEMENT": DISPLACEMENT,
+    # smallest pivot of the dimensionless loop Jacobian: closer to a singular configuration, accelerations
+    # lose more than 12 of 16 digits
+    "PIVOT": 1e-6,
+    # Newton's method after a step: largest first correction, in [rad] or characteristic lengths, and largest
+    # ratio of successive corrections
+    "CORRECTION": 0.02,
+    "CONTRACTION": 0.25,
+    # failed steps are halved down to this fraction of the first step
+    "HALVED": 1.0 / 256.0,
+    # largest predicted displacement of an unknown in a step, in [rad] or characteristic lengths: near a
+    # singular configuration a prediction that spins a link may end near a solution of another assembly by
+    # chance
+    "DISPLACEMENT": 0.5,
 }
 STATUSES = ("SOLVED", "OUT_OF_RANGE", "SINGULAR", "TOO_FAR")
 # relative deviation of a spinning link's inertia within which the link is axisymmetric about its line

@@ -292,11 +292,8 @@ def read_column(path: str, name: str, axes: Sequence[str], expected: str) -> tup
             f"{path} has columns {', '.join(table)}; as {expected} and its value, or one called {name}, in "
             "SI or with a unit: value [deg]"
         )
-    return (
-        axis_columns[0],
-        table[axis_columns[0]],
-        table[value_columns[0] if len(value_columns) == 1 else name],
-    )
+    axis, values = axis_columns[0], value_columns[0] if len(value_columns) == 1 else name
+    return axis, table[axis], table[values]
 
 
 _AXES: dict[str, Over] = {"t": "time", "time": "time", "angle": "angle"}
@@ -436,11 +433,6 @@ def with_controls(forces: Forces, texts: Mapping[str, str]) -> Forces:
     for name in texts:
         if name not in names:
             raise InputError(f"--ctrl names {name!r}; actuators are {', '.join(names) or 'none'}")
-    laws = control_laws(texts)
-    actuators = (
-        replace(actuator, control=laws[actuator.name], text=texts[actuator.name])
-        if actuator.name in laws
-        else actuator
-        for actuator in forces.actuators
-    )
+    changes = {name: {"control": law, "text": texts[name]} for name, law in control_laws(texts).items()}
+    actuators = (replace(actuator, **changes.get(actuator.name, {})) for actuator in forces.actuators)
     return replace(forces, actuators=tuple(actuators))

@@ -166,14 +166,10 @@ READERS: list[Reader] = [
 
 def file_reader(path: str) -> Reader | None:
     """Return the reader for the suffix of a path, or None; it does not look for the file."""
-    return next(
-        (
-            reader
-            for reader in READERS
-            if any(path.lower().endswith(suffix) or f"{suffix}:" in path for suffix in reader.suffixes)
-        ),
-        None,
-    )
+    for reader in READERS:
+        if any(path.lower().endswith(suffix) or f"{suffix}:" in path for suffix in reader.suffixes):
+            return reader
+    return None
 
 
 def object_reader(model: object) -> Reader | None:

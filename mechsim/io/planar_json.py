@@ -116,15 +116,9 @@ def in_plane(position: Sequence[float]) -> Vector:
 def pins(name: str, links: Sequence[str], position: tuple[float, float]) -> list[Joint]:
     """Return the revolute joints by which a pin joins links that have the frame of the ground."""
     first, *others = sorted(links, key=lambda link: link != GROUND)
-    return [
-        Joint(
-            name if i == 0 else f"{name}_{link}",
-            "revolute",
-            End(first, in_plane(position)),
-            End(link, in_plane(position)),
-        )
-        for i, link in enumerate(others)
-    ]
+    names = [name, *(f"{name}_{link}" for link in others[1:])]
+    first_end, *ends = (End(link, in_plane(position)) for link in (first, *others))
+    return [Joint(own, "revolute", first_end, end) for own, end in zip(names, ends, strict=False)]
 
 
 def slide(

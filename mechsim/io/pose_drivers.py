@@ -114,11 +114,8 @@ def _cardan_angles(link: str, rotation: Array) -> list[float]:
 def is_pose_driven(mechanism: Mechanism) -> bool:
     """Whether a driver is a coordinate of a chain that `with_pose_drivers` added."""
     ends = tuple(f".{suffix}" for suffix in POSITIONS + ROTATIONS)
-    return any(
-        link.startswith(VIRTUAL_PREFIX) and link.endswith(ends)
-        for joint in mechanism.driven_joints
-        for link in joint.links
-    )
+    links = [link for joint in mechanism.driven_joints for link in joint.links]
+    return any(link.startswith(VIRTUAL_PREFIX) and link.endswith(ends) for link in links)
 
 
 def motor_laws(solver: KinematicSolver, own: Mechanism) -> dict[str, State]:

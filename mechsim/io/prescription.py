@@ -234,12 +234,9 @@ def duration_of(requested: float | None, stated: float | None, states: Mapping[s
         stated: duration in the file; None if it has none.
         states: motion laws of the drivers.
     """
-    ends: dict[str, float] = {
-        name: end
-        for name, state in states.items()
-        # of a motion law by text
-        if (end := getattr(state, "end_time", None)) is not None
-    }
+    # of motion laws by text
+    stated_ends = {name: getattr(state, "end_time", None) for name, state in states.items()}
+    ends: dict[str, float] = {name: end for name, end in stated_ends.items() if end is not None}
     if requested is None:
         requested = stated if stated is not None else min(ends.values(), default=DEFAULT_DURATION)
     for name, end in ends.items():

@@ -121,10 +121,8 @@ def _slider(key: str, entry: Mapping[str, Any], position: tuple[float, float]) -
 
 def _carrier(links: Mapping[str, list[str]], keys: list[str]) -> str:
     """Return a moving link with these joints; the ground where there is none."""
-    return next(
-        (link for link, ids in links.items() if link != GROUND and set(keys) <= {*ids}),
-        GROUND,
-    )
+    carriers = (link for link, ids in links.items() if link != GROUND and {*keys} <= {*ids})
+    return next(carriers, GROUND)
 
 
 def _tracked(

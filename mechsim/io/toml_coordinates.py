@@ -103,7 +103,7 @@ class FileCoordinates:
         """Coordinate -> "m" or "rad"."""
         kinds = {name: KINDS[joint["kind"]] for name, joint in self.read["joints"].items()}
         pairs = ((name, zip(kind.suffixes, kind.units, strict=True)) for name, kind in kinds.items())
-        return {name + ending: unit for name, endings in pairs for ending, unit in endings}
+        return {name + ending: unit for name, suffixes in pairs for ending, unit in suffixes}
 
     def require(self, name: str, path: KeyPath) -> None:
         """Raise InputError for an unknown coordinate."""

@@ -41,7 +41,9 @@ FREE_KINDS: tuple[KindName, ...] = (
     *("fixed", "revolute", "prismatic", "cylindrical", "universal", "spherical", "planar", "cartesian"),
     "floating",
 )
-KIND_OF_FREE = {(len(KINDS[kind].slides), len(KINDS[kind].turns)): kind for kind in FREE_KINDS}
+KIND_OF_FREE: dict[tuple[int, int], KindName] = {
+    (len(KINDS[kind].slides), len(KINDS[kind].turns)): kind for kind in FREE_KINDS
+}
 # what files hold rounded to single precision: sines and cosines of 0, 30, 45, 60 and 90 degrees
 ROUNDED = np.array([0.0, 0.5, np.sqrt(0.5), np.sqrt(0.75), 1.0])
 ROUNDING = float(np.finfo(np.float32).eps)

@@ -54,13 +54,11 @@ class BristleFriction(Actuator):
 
 def with_bristles(forces: Forces) -> Forces:
     """Return forces with the frictions that have bristles as actuators, for runs from an initial state."""
+    # a rate that depends on the speed, so that MuJoCo leaves it to us
+    inflow, bristles = (0.0, 0.0, 0.0, 1.0), [row for row in forces.friction if row.bristle_stiffness]
     made = [
-        # a rate that depends on the speed, so that MuJoCo leaves it to us
-        BristleFriction(
-            f"friction in {row.joint}", {row.joint: 1.0}, inflow=(0.0, 0.0, 0.0, 1.0), friction=row
-        )
-        for row in forces.friction
-        if row.bristle_stiffness
+        BristleFriction(f"friction in {row.joint}", {row.joint: 1.0}, inflow=inflow, friction=row)
+        for row in bristles
     ]
     others = tuple(row for row in forces.friction if not row.bristle_stiffness)
     return replace(forces, friction=others, actuators=(*forces.actuators, *made)) if made else forces

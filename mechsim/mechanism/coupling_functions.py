@@ -129,13 +129,9 @@ class TabledFunction:
 
     def __call__(self, q: Array) -> tuple[Array, Array, Array]:
         """Return the value and its first two derivatives at q; complex steps are propagated."""
-        real, step = np.real(q), 1j * np.imag(q) if np.iscomplexobj(q) else 0.0
-        value, rate, second, third = (self.spline(real, order) for order in range(4))
-        return (
-            value + self.advance * q + rate * step,
-            rate + self.advance + second * step,
-            second + third * step,
-        )
+        advance, step = self.advance, 1j * np.imag(q) if np.iscomplexobj(q) else 0.0
+        value, rate, second, third = (self.spline(np.real(q), order) for order in range(4))
+        return value + advance * q + rate * step, rate + advance + second * step, second + third * step
 
     def with_derivative(self, q: Array) -> tuple[Jet, Jet]:
         """Return the function and its derivative, each with two derivatives."""

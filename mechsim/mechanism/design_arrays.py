@@ -118,12 +118,10 @@ def similar_designs(
         return None, which
     arrays, starts_of = design_arrays(like, alike), [initial_coordinates(design) for design in alike]
     coordinates = {name: np.array([design[name] for design in starts_of]) for name in starts_of[0]}
+    guesses = {link: [design.guess[link] for design in alike] for link in alike[0].guess}
     guess = {
-        link: Pose(
-            np.array([design.guess[link].position for design in alike]),
-            np.array([design.guess[link].rotation for design in alike]),
-        )
-        for link in alike[0].guess
+        link: Pose(np.array([pose.position for pose in poses]), np.array([pose.rotation for pose in poses]))
+        for link, poses in guesses.items()
     }
     placed = complete_guess(like, arrays.sides(), guess, coordinates)
     return StartedDesigns(arrays, placed, coordinates), which

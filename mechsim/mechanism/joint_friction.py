@@ -162,16 +162,11 @@ class Friction:
     @property
     def at_rest(self) -> Friction:
         """The friction at rest, without viscous friction."""
-        ratio = self.ratio_at_rest
-        return replace(
-            self,
-            viscous=0.0,
-            viscous_turn=0.0,
-            coulomb=ratio * self.coulomb,
-            coefficient=ratio * self.coefficient,
-            static=0.0,
-            stribeck=0.0,
+        ratio, none = (
+            self.ratio_at_rest,
+            dict.fromkeys(("viscous", "viscous_turn", "static", "stribeck"), 0.0),
         )
+        return replace(self, coulomb=ratio * self.coulomb, coefficient=ratio * self.coefficient, **none)
 
     def ratio(self, rate: Array) -> Array:
         """Return the friction at rates relative to that in fast motion."""

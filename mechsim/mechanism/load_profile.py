@@ -56,12 +56,12 @@ class LoadProfile:
             )
         argument: Any = np.atleast_1d(np.asarray(time if self.over == "time" else angle))
         if np.iscomplexobj(argument):
-            derivatives, _ = extrapolated_derivative(
-                lambda step: (
-                    (self.evaluate(argument.real + step, time) - self.evaluate(argument.real - step, time))
-                    / (2.0 * step)
-                )
-            )
+
+            def difference(step: float) -> Array:
+                ends = (self.evaluate(argument.real + sign * step, time) for sign in (1.0, -1.0))
+                return np.subtract(*ends) / (2.0 * step)
+
+            derivatives, _ = extrapolated_derivative(difference)
             derivatives *= argument.imag if self.width == 1 else argument.imag[:, None]
             return self.evaluate(argument.real, time) + 1j * derivatives
         positions = np.asarray(argument, dtype=np.float64)
