@@ -297,3 +297,13 @@ def test_distant_initial_values_are_in_the_assembly_mode_of_the_start(name):
         run = ms.dynamics.run(solver, initial={"crank.q": angle}, duration=1e-3, samples=1)
         rocker = solver.solve([angle]).joints["rocker"].value[0]
         assert run.motion.joints["rocker"].value[0] == pytest.approx(rocker, abs=1e-12)
+
+
+def test_steps_do_not_become_short_where_a_light_coupler_amplifies_rounding():
+    motor = ms.Forces(gravity=(0.0, -9.81, 0.0), motor=ms.motors.TorqueSpeedLine(0.2, 30.0), flywheel=0.01)
+    settings = {"initial": {"crank.v": 5.0}, "duration": 1.5, "samples": 5}
+    model = ms.dynamics.dynamic_model(ms.load("rssr"), motor)
+    run, rougher = (ms.dynamics.run(model, **settings, tolerance=value) for value in (3e-13, 1e-10))
+    assert run.outcome == "done"
+    assert run.energy_error <= 1e-12
+    assert run.motion.angle == pytest.approx(rougher.motion.angle, abs=1e-11)

@@ -59,6 +59,12 @@ enum { FINISHED, FULL, SINGULAR, FAILED };
 #define SAFETY 0.9
 #define LEAST 0.2
 #define LARGEST 8.0
+/* relative disturbance of a state that shows the noise of its slopes, its fading, multiple of it that an error may be,
+   and error above which it is measured */
+#define DISTURBANCE 4e-16
+#define FADING 0.9
+#define NOISE 2.0
+#define NOISY 0.4
 #define FIRST_CHANGE 0.01
 /* shortest step, relative to the spacing of doubles at its time */
 #define SPACINGS 10.0
@@ -268,15 +274,17 @@ static double step_tolerance(const Run *run, int i, double value) {
     return run->tolerance * (run->scale[i] + fabs(value - run->origin[i]));
 }
 
-/* error of a step relative to the tolerance, from the slopes of its stages. Where a table's third derivative jumps, the
-   estimate of order 3 tells nothing */
-static double step_error(const Model *m, const Run *run, int size, const double *after, const double *slopes, double length) {
+/* error of a step relative to the tolerance or the noise of the slopes, from the slopes of its stages. Where a table's
+   third derivative jumps, the estimate of order 3 tells nothing */
+static double step_error(const Model *m, const Run *run, int size, const double *after, const double *slopes, double length,
+                         const double *noise) {
     double fifth = 0.0, third = 0.0;
     for (int i = 0; i < size - 2; i++) {
         double errors[2] = {0.0};
         for (int k = 0; k < 2; k++)
             for (int j = 0; j < 12; j++) errors[k] += ERRORS[k][j] * slopes[j * size + i];
         double scale = fmax(step_tolerance(run, i, run->state[i]), step_tolerance(run, i, after[i]));
+        scale = fmax(scale, NOISE * length * noise[i]);
         third += errors[0] * errors[0] / (scale * scale);
         fifth += errors[1] * errors[1] / (scale * scale);
     }
@@ -342,8 +350,18 @@ static double trial_length(const Run *run, double longest) {
 
 static int too_short(const Run *run, double length) { return !(length > SPACINGS * 2.3e-16 * fabs(run->time)); }
 
+/* measures the noise of the slopes, whose rounding an almost massless rotation amplifies; shorter steps do not reduce it */
+static int measure_noise(const Model *m, Work *w, Run *run, const double *slopes, double *trial, double *noise) {
+    int size = size_of(m);
+    double *changed = trial + size;
+    for (int i = 0; i < size; i++) trial[i] = run->state[i] * (i % 2 ? 1.0 + DISTURBANCE : 1.0 - DISTURBANCE);
+    int status = derive(m, w, run, run->time, trial, changed, 1);
+    for (int i = 0; i < size && !status; i++) noise[i] = fmax(FADING * noise[i], fabs(changed[i] - slopes[i]));
+    return status;
+}
+
 /* one accepted step; slopes[0] is the derivative at its start */
-static int take_step(const Model *m, Work *w, Run *run, double *slopes, double *after, double *trial) {
+static int take_step(const Model *m, Work *w, Run *run, double *slopes, double *after, double *trial, double *noise) {
     int size = size_of(m), status = FINISHED;
     double longest = resolving(m, w, run, slopes);
     for (int rejected = 0;; rejected = 1) {
@@ -358,7 +376,9 @@ static int take_step(const Model *m, Work *w, Run *run, double *slopes, double *
         double error = NAN;
         if (status == FINISHED) {
             stage(size, 12, length, run->state, slopes, after);
-            error = step_error(m, run, size, after, slopes, length);
+            error = step_error(m, run, size, after, slopes, length, noise);
+            if (error > NOISY && error < INFINITY && !measure_noise(m, w, run, slopes, trial, noise))
+                error = step_error(m, run, size, after, slopes, length, noise);
         }
         double ratio = error < INFINITY ? SAFETY * pow(fmax(error, 1e-30), -0.125) : LEAST;
         run->length = length * fmin(fmax(ratio, LEAST), rejected ? 1.0 : LARGEST);
@@ -604,7 +624,7 @@ static int take_implicit_step(const Model *m, Work *w, Run *run, Nodes *x, doubl
 int integrate(const Model *m, Run *run) {
     int size = size_of(m);
     Work *w = workspace(m, run->resting);
-    double *slopes = ALLOCATE((size_t)size * 18 * sizeof(double));
+    double *slopes = ALLOCATE((size_t)size * 20 * sizeof(double));
     run->steps = run->evaluations = 0, run->status = FAILED;
     if (w && slopes) run->status = derive(m, w, run, run->time, run->state, slopes, 0);
     if (run->status == FINISHED && !(run->length > 0.0)) {
@@ -618,7 +638,7 @@ int integrate(const Model *m, Run *run) {
         double *after = slopes + 16 * size, *trial = after + size;
         run->status = run->steps == run->max_steps ? FULL
                     : run->implicit                ? take_implicit_step(m, w, run, x, slopes)
-                                                   : take_step(m, w, run, slopes, after, trial);
+                                                   : take_step(m, w, run, slopes, after, trial, trial + 2 * size);
         run->steps += run->status == FINISHED;
     }
     RELEASE(slopes);
