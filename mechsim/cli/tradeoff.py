@@ -15,8 +15,7 @@ from mechsim.numerics.resources import Budget
 from mechsim.pictures import plots
 from mechsim.report.study_plots import work_precision
 from mechsim.studies.tradeoff.methods import COMPARED, DEFAULTS, subject_of
-from mechsim.studies.tradeoff.trials import measure_tradeoff
-from mechsim.studies.tradeoff.work_precision import BOUNDS, Tradeoff, command_of, write_csv
+from mechsim.studies.tradeoff.work_precision import BOUNDS, Tradeoff, command_of, measure_tradeoff, write_csv
 from mechsim.units import crank_speed, option
 
 # maximum number of printed families of settings without a trial

@@ -170,17 +170,12 @@ def fit_dimensions(
             "measure more, or vary fewer"
         )
     problem = _Problem(subject, measured, named, names, progress)
-    problem.residuals(np.zeros(len(names)))
+    start = np.zeros(len(names))
+    problem.residuals(start)
     derivatives: Any = problem.derivatives
+    options: Any = dict.fromkeys(("xtol", "ftol", "gtol"), CONVERGENCE_TOLERANCE)
     solution: Any = least_squares(
-        problem.tried,
-        np.zeros(len(names)),
-        derivatives,
-        method="trf",
-        xtol=CONVERGENCE_TOLERANCE,
-        ftol=CONVERGENCE_TOLERANCE,
-        gtol=CONVERGENCE_TOLERANCE,
-        max_nfev=MAX_MECHANISMS,
+        problem.tried, start, derivatives, method="trf", max_nfev=MAX_MECHANISMS, **options
     )
     return problem.result(solution.x, solution.status > 0)
 
@@ -203,10 +198,8 @@ class _Problem:
         dimensions = {**moved.designs.dimensions, moved.offset: Dimension(moved.offset, 0.0, "rad")}
         self.start = {name: dimensions[name].value for name in names}
         self.dimension_units = {name: dimensions[name].unit for name in names}
-        scales = {"m": lambda _: length, "1": lambda value: abs(value) or 1.0}
-        self.scale = np.array(
-            [scales.get(dimensions[name].unit, lambda _: 1.0)(self.start[name]) for name in names]
-        )
+        scales = {name: {"m": length, "1": abs(value) or 1.0} for name, value in self.start.items()}
+        self.scale = np.array([own.get(self.dimension_units[name], 1.0) for name, own in scales.items()])
         self.units = {column: moved.quantity(name).unit for column, name in named.items()}
         self.weighed = bool(measured.deviations)
         self.weights = {column: self._weight(column, length) for column in named}
@@ -228,10 +221,8 @@ class _Problem:
 
     def dimensions(self, x: Array) -> dict[str, float]:
         """Return the dimensions of scaled variables."""
-        return {
-            name: self.start[name] + float(fraction)
-            for name, fraction in zip(self.names, x * self.scale, strict=True)
-        }
+        changes = (x * self.scale).tolist()
+        return {name: self.start[name] + by for name, by in zip(self.names, changes, strict=True)}
 
     def residuals(self, x: Array) -> Array:
         """Return the residuals relative to their standard deviations, (m,).
@@ -242,13 +233,10 @@ class _Problem:
         self.count += 1
         self.progress(f"{self.count} mechanisms", 0.0)
         values = self.moved.values(self.columns, self.dimensions(x))
-        off = [self._off(column, values[name]) / self.weights[column] for column, name in self.named.items()]
-        return np.concatenate(off)
-
-    def _off(self, column: str, values: Array) -> Array:
-        off = values - self.measured.values[column]
+        off = {name: values[own] - self.measured.values[name] for name, own in self.named.items()}
         # multiples of a revolution are not measured
-        return wrapped(off) if self.units[column] == "rad" else off
+        off |= {name: wrapped(angle) for name, angle in off.items() if self.units[name] == "rad"}
+        return np.concatenate([off[name] / self.weights[name] for name in self.named])
 
     def tried(self, x: Array) -> Array:
         """Return the residuals; infinite without an assembly, so that least squares shortens its step."""
@@ -260,13 +248,11 @@ class _Problem:
     def derivatives(self, x: Array) -> Array:
         """Return exact derivatives of the residuals, (m, p)."""
         by = self.moved.derivatives(self.columns, self.names, self.dimensions(x)).by
-        rows = [
-            np.concatenate(
-                [by[name][quantity] / self.weights[column] for column, quantity in self.named.items()]
-            )
-            for name in self.names
+        columns = [
+            [by[name][quantity] / self.weights[column] for name in self.names]
+            for column, quantity in self.named.items()
         ]
-        return np.array(rows).T * self.scale
+        return np.concatenate(columns, axis=1).T * self.scale
 
     def result(self, x: Array, converged: bool) -> Fit:
         """Return the result of a fit."""
@@ -288,11 +274,8 @@ class _Problem:
             column: float(np.sqrt(((piece * self.weights[column]) ** 2).mean()))
             for column, piece in zip(self.named, pieces, strict=True)
         }
-        deviations = {
-            name: float(np.sqrt(covariance[i, i]))
-            for i, name in enumerate(self.names)
-            if name not in undetermined_names
-        }
+        spreads = dict(zip(self.names, np.sqrt(np.diag(covariance)).tolist(), strict=True))
+        deviations = {name: own for name, own in spreads.items() if name not in undetermined_names}
         outcome: FitOutcome = "underdetermined" if together else "fitted" if converged else "not converged"
         own = {name: value for name, value in values.items() if name != self.moved.offset}
         angles = self.moved.angles + values.get(self.moved.offset, 0.0)
@@ -318,12 +301,10 @@ def _groups(undetermined: Array, names: Sequence[str]) -> list[tuple[str, ...]]:
     """Return groups of dimensions connected by directions (d, p) along which no measured value changes."""
     from scipy.sparse.csgraph import connected_components
 
-    reach = np.sqrt((undetermined**2).sum(0))
-    joined = (np.abs(undetermined.T @ undetermined) > MIN_COMPONENT**2) & np.outer(
-        reach > MIN_COMPONENT, reach > MIN_COMPONENT
-    )
+    involved = np.sqrt((undetermined**2).sum(0)) > MIN_COMPONENT
+    joined = (np.abs(undetermined.T @ undetermined) > MIN_COMPONENT**2) & np.outer(involved, involved)
     _, labels = connected_components(joined, directed=False)
-    groups = [np.flatnonzero((labels == label) & (reach > MIN_COMPONENT)) for label in dict.fromkeys(labels)]
+    groups = [np.flatnonzero((labels == label) & involved) for label in dict.fromkeys(labels)]
     return [tuple(names[i] for i in group.tolist()) for group in groups if len(group)]
 
 

@@ -238,10 +238,10 @@ def _log_of(columns: dict[str, TableColumn], mechanism: Mechanism, where: str) -
         both = {f"torque:{name}": (name, ""), f"current:{name}": (name, constant)}
         measured |= {column: meaning for column, meaning in both.items() if column in columns}
     missing = [name for name in ("t", *(f"{joint}.q" for joint in driven)) if name not in columns]
-    if missing or not measured:
-        needed = f"torque:J or current:J with J of {', '.join(joints)}"
-        named = ", ".join(missing) if measured else needed
-        raise InputError(f"{where} has no column {named}; it has {', '.join(columns)}")
+    if not measured:
+        missing = [f"torque:J or current:J with J of {', '.join(joints)}"]
+    if missing:
+        raise InputError(f"{where} has no column {', '.join(missing)}; it has {', '.join(columns)}")
     time = columns.pop("t").values
     if len(time) < MIN_ROWS or not (np.diff(time) > 0.0).all():
         raise InputError(
@@ -252,9 +252,8 @@ def _log_of(columns: dict[str, TableColumn], mechanism: Mechanism, where: str) -
     smoothed = not all(f"{name}.{letter}" in columns for name in driven for letter in "va")
     for name in driven:
         states = [columns.pop(f"{name}.{letter}").values for letter in ("q" if smoothed else "qva")]
-        states = _law(time, *states)(time) if smoothed else states
         unit: Any = mechanism.unit(name)
-        motion[name] = JointMotion(*states, unit=unit)
+        motion[name] = JointMotion(*(_law(time, *states)(time) if smoothed else states), unit=unit)
     laws = {name: _law(time, joint.value, joint.rate) for name, joint in motion.items()}
     recorded = [columns.pop(name) for name in measured]
     return _Log(
@@ -349,12 +348,9 @@ class _TorqueFit:
         length, effort = model.mechanism.characteristic_length, float(np.abs(self.base).max()) or 1.0
         fastest = max(float(np.abs(driver.rate).max()) for driver in log.motion.values()) or 1.0
         sizes = {"kg": self.mass, "m": length, "kg m2": self.mass * length**2, "N": effort, "N m": effort}
-        self.scale = np.array(
-            [
-                self.all[name] if "motor" in name else sizes.get(self.units[name], effort / fastest)
-                for name in names
-            ]
-        )
+        self.scale = np.array([sizes.get(self.units[name], effort / fastest) for name in names])
+        motors = np.array(["motor" in name for name in names])
+        self.scale[motors] = self.start[motors]
 
     def _by_parameter(self, motion: Motion) -> Array:
         """Return the drivers' torques and forces per unit of each linear parameter, (n, drivers, k)."""
@@ -383,12 +379,9 @@ class _TorqueFit:
             linear += [mass, *(mass * centre), *(own[4:] + mass * spread)]
         return np.array([*linear, *(values[name] for name in self.frictions)])
 
-    def _values(self, numbers: Any) -> dict[str, Any]:
-        return {**self.all, **dict(zip(self.names, numbers, strict=True))}
-
     def _errors(self, numbers: Any) -> Any:
         """Return predicted less measured columns at parameters (p,), which may have complex steps, (c, n)."""
-        values = self._values(numbers)
+        values = {**self.all, **dict(zip(self.names, numbers, strict=True))}
         forces = self.base + (self.by @ (self._linear(values) - self._linear(self.all))).T
         constants = [values[name] if name else 1.0 for _, name in self.columns]
         return forces[[i for i, _ in self.columns]] / np.array(constants)[:, None] - self.log.columns
@@ -414,11 +407,8 @@ class _TorqueFit:
         count, parameters = len(self.log.time), len(self.names)
         end = int(END_FRACTION * count) if self.log.smoothed else 0
         split = end + int((1.0 - PREDICTED_FRACTION) * (count - 2 * end))
-        rows, rest, measured = (
-            slice(end, split),
-            slice(split, count - end),
-            (split - end) * len(self.columns),
-        )
+        rows, rest = slice(end, split), slice(split, count - end)
+        measured = (split - end) * len(self.columns)
         if measured <= parameters:
             raise InputError(
                 f"{measured} measured values do not determine {parameters} parameters; measure more"
@@ -469,10 +459,9 @@ class _TorqueFit:
 
     def _base(self, numbers: Any) -> Any:
         """Return the parameters; of links with an unknown centre the first moments, and about the origin."""
-        linear, named = self._linear(self._values(numbers)), zip(self.names, numbers, strict=True)
-        return np.array(
-            [linear[self.moved[name]] if name in self.moved else number for name, number in named]
-        )
+        values = dict(zip(self.names, numbers, strict=True))
+        linear = self._linear({**self.all, **values})
+        return np.array([linear[self.moved[name]] if name in self.moved else values[name] for name in values])
 
     def _combinations(
         self, matrix: Array, numbers: Array, covariance: Array, loose: NDArray[np.bool_]
@@ -493,20 +482,20 @@ class _TorqueFit:
         shares = np.linalg.solve(upper[:rank, :rank], upper[:rank, rank:])
         shares[np.abs(shares) < MIN_SHARE] = 0.0
         positions, covariance = np.flatnonzero(loose)[order], by_scaled @ covariance @ by_scaled.T
+        names = [
+            name.replace(".com.", ".mass*com.").replace(".inertia.", ".inertia_about_origin.")
+            if name in self.moved
+            else name
+            for name in self.names
+        ]
         result: list[Combination] = []
         for i, row in zip(positions[:rank], shares, strict=True):
             factors = np.zeros(len(self.names))
             factors[i], factors[positions[rank:]] = 1.0, row * scale[i] / scale[positions[rank:]]
-            named = {self._base_name(j): float(factors[j]) for j in (i, *positions[rank:]) if factors[j]}
+            named = {names[j]: float(factors[j]) for j in (i, *positions[rank:]) if factors[j]}
             deviation = float(np.sqrt(factors @ covariance @ factors))
             result.append(Combination(named, float(factors @ self._base(numbers)), deviation))
         return tuple(result)
-
-    def _base_name(self, index: int) -> str:
-        """Return the name of a parameter in `_base`."""
-        name = self.names[index]
-        moved = name.replace(".com.", ".mass*com.").replace(".inertia.", ".inertia_about_origin.")
-        return moved if name in self.moved else name
 
 
 def inertial_columns(unit: UnitMotion, slot: int, rate: float, gravity: Array) -> Array:

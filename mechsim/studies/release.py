@@ -8,13 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.errors import AssemblyError, InputError
-from mechsim.kinetics import (
-    DynamicModel,
-    DynamicRun,
-    nearest_equilibrium,
-    response,
-    run,
-)
+from mechsim.kinetics import DynamicModel, DynamicRun, nearest_equilibrium, response, run
 from mechsim.kinetics.dynamic_run import Initial
 from mechsim.kinetics.linearization import LinearModel, Mode, states_about
 from mechsim.kinetics.prescribed_motion import InverseDynamics, prescribed

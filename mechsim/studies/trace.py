@@ -79,9 +79,9 @@ class CurveSearch:
         self.curve_index[start] = len(self.curves) - 1
         self._assign(len(self.curves) - 1, curve)
 
-    def add_branches(self, index: int) -> None:
-        """Add poses on the branches that leave the branch points of a curve."""
-        curve = self.curves[index]
+    def add_branches(self) -> None:
+        """Add poses on the branches that leave the branch points of the last curve."""
+        curve = self.curves[-1]
         for arc in curve.branch_points:
             segment = curve.traced.segment_at(arc)
             coordinates = self.loops.unflat(segment.evaluate(np.array([arc])))
@@ -100,7 +100,7 @@ class CurveSearch:
                 self.curve_index[best] = -2
                 self.failed.append(str(error))
                 continue
-            self.add_branches(len(self.curves) - 1)
+            self.add_branches()
 
     def counts(self) -> list[int]:
         """Return how many counted poses lie on each curve."""
@@ -133,10 +133,9 @@ def lie_on(curve: AssemblyCurve, features: Array) -> NDArray[np.bool_]:
     for i, pose in enumerate(features):
         distances = ((node_features - pose) ** 2).sum(1)
         # where a curve nearly crosses itself, several local minima are candidates
-        for k in np.flatnonzero((distances <= np.roll(distances, 1)) & (distances <= np.roll(distances, -1))):
-            if distances[k] < spacing and _distance(curve, float(arcs[k]), pose) < ON_CURVE:
-                on[i] = True
-                break
+        minima = (distances <= np.roll(distances, 1)) & (distances <= np.roll(distances, -1))
+        candidates = arcs[minima & (distances < spacing)]
+        on[i] = any(_distance(curve, float(arc), pose) < ON_CURVE for arc in candidates)
     return on
 
 
@@ -273,7 +272,7 @@ def trace(
     search = CurveSearch(free, progress)
     search.add(initial, counted=False)
     search.trace(0)
-    search.add_branches(0)
+    search.add_branches()
     closed = 0
     for finished, poses in random_poses(loops, own, starts, seed):
         search.add(poses, counted=True)
@@ -321,14 +320,12 @@ def _merged_branch_points(curves: tuple[AssemblyCurve, ...]) -> tuple[BranchPoin
         for arc in curve.branch_points:
             segment = curve.traced.segment_at(arc)
             values = segment.features.value_at(arc)
-            index = next(
-                (k for k, other in enumerate(features) if np.abs(other - values).max() < ON_CURVE), None
-            )
-            if index is None:
+            same = [k for k, other in enumerate(features) if np.abs(other - values).max() < ON_CURVE]
+            if same:
+                locations[same[0]].append((i, arc))
+            else:
                 features.append(values)
                 locations.append([(i, arc)])
-            else:
-                locations[index].append((i, arc))
     return tuple(
         BranchPoint(float(curves[passages[0][0]].poses_at(passages[0][1]).angle[0]), tuple(passages))
         for passages in locations

@@ -20,8 +20,7 @@ from mechsim.studies.tradeoff.methods import (
     stepping_methods,
     subject_of,
 )
-from mechsim.studies.tradeoff.trials import measure_tradeoff
-from mechsim.studies.tradeoff.work_precision import BOUNDS, Tradeoff
+from mechsim.studies.tradeoff.work_precision import BOUNDS, Tradeoff, measure_tradeoff
 
 SPEED = 20.0 * np.pi
 SHORT = (72, 288)

@@ -78,10 +78,8 @@ class Agreement:
         """One or two sentences: the largest difference and its cause."""
         if self.passed:
             return f"{self.source} agrees with {self.solver.name} in {len(self.checks)} quantities"
-        messages = [finding.message for finding in self.findings if finding.certain] or [
-            finding.message for finding in self.findings[:1]
-        ]
-        return "; ".join([self.reason, *messages])
+        named = [finding for finding in self.findings if finding.certain] or self.findings[:1]
+        return "; ".join([self.reason, *(finding.message for finding in named)])
 
     @property
     def masses(self) -> tuple[LinkMass, ...]:
@@ -262,12 +260,8 @@ def _candidates(
 
         source, table = str(against), read_table(str(against))
         evaluation, used = points_of_table(solver, table, speed, source)
-        return (
-            source,
-            evaluation,
-            values_of_table(table, used, QuantityReader(solver.mechanism, source)),
-            None,
-        )
+        values = values_of_table(table, used, QuantityReader(solver.mechanism, source))
+        return source, evaluation, values, None
     if isinstance(against, str | Path):
         source, function = str(against), run_object(str(against))
     else:

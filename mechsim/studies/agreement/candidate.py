@@ -18,15 +18,8 @@ from mechsim.mechanism.quantity import AXES, Quantity
 from mechsim.numerics.arrays import Array
 from mechsim.studies.agreement.evaluation_points import EvaluationPoints, driver_inputs
 
-# names of further arguments of a user's function -> driver data that it receives
-DRIVER_DATA = {
-    "speed": "rate",
-    "rate": "rate",
-    "rates": "rate",
-    "acceleration": "second",
-    "t": "time",
-    "time": "time",
-}
+# further arguments of a user's function that receive times, or a derivative of the drivers' coordinates
+TIMES, DERIVATIVES = ("t", "time"), {"speed": 1, "rate": 1, "rates": 1, "acceleration": 2}
 
 
 @dataclass(frozen=True)
@@ -186,11 +179,10 @@ def _further_arguments(
     for index, argument in enumerate(optional):
         if argument.kind in (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD):
             continue
-        what = DRIVER_DATA.get(argument.name)
-        if what == "time":
+        if argument.name in TIMES:
             arguments[argument.name] = evaluation.time
-        elif what is not None:
-            rates = {name: state[1 if what == "rate" else 2].copy() for name, state in drivers.items()}
+        elif argument.name in DERIVATIVES:
+            rates = {name: state[DERIVATIVES[argument.name]].copy() for name, state in drivers.items()}
             arguments[argument.name] = next(iter(rates.values())) if len(rates) == 1 else rates
         elif parameters is not None and index == 0 and argument.default is inspect.Parameter.empty:
             arguments[argument.name] = dict(parameters)

@@ -153,14 +153,11 @@ def run_scene(
         mujoco.mj_resetDataKeyframe(model, start, model.key(scene.key).id)
         for name in ("act", "mocap_pos", "mocap_quat"):
             sims.bind(name)[:] = getattr(start, name)
-    run = rollout(
-        sims,
-        timestep,
-        scene.start,
-        total,
-        interval,
-        lambda steps: scene.controls(model, steps.start, steps.stop - steps.start, phase)[None],
-    )
+
+    def controls(steps: slice) -> Array:
+        return scene.controls(model, steps.start, steps.stop - steps.start, phase)[None]
+
+    run = rollout(sims, timestep, scene.start, total, interval, controls)
     states = run.states
     broken = f"MuJoCo's state became invalid after {states.time[-1]:.6g} s" if run.diverged else ""
     return SceneRun(scene, model, states.time, states.qpos, states.qvel, run.processor, run.count, broken)

@@ -216,11 +216,10 @@ def differing(expected: mujoco.MjModel, actual: mujoco.MjModel) -> list[str]:
         and name not in _IGNORED_SIZES
         and not name.endswith("pathadr")
     ]
-    names = [name for name in fields if _differ(getattr(expected, name), getattr(actual, name))]
-    for name in dir(expected.opt):
-        if not name.startswith("_") and _differ(getattr(expected.opt, name), getattr(actual.opt, name)):
-            names.append(f"option {name}")
-    return names
+    options = [name for name in dir(expected.opt) if not name.startswith("_")]
+    pairs = {name: (getattr(expected, name), getattr(actual, name)) for name in fields}
+    pairs |= {f"option {name}": (getattr(expected.opt, name), getattr(actual.opt, name)) for name in options}
+    return [name for name, (a, b) in pairs.items() if _differ(a, b)]
 
 
 def _differ(a: object, b: object) -> bool:
@@ -235,10 +234,8 @@ def _differ(a: object, b: object) -> bool:
 
 def setting_changes(scene: UserScene, settings: PlainSettings) -> Mapping[str, str]:
     """Return the settings that change a scene: setting -> value as text."""
-    values = settings.changes_to(scene.model).as_dict()
-    return {
-        name: _numbers(value) if isinstance(value, tuple) else _word(value) for name, value in values.items()
-    }
+    values = settings.changes_to(scene.model).as_dict().items()
+    return {name: _numbers(value) if isinstance(value, tuple) else _word(value) for name, value in values}
 
 
 def control_lines(scene: UserScene, expressions: Mapping[str, str]) -> list[str]:

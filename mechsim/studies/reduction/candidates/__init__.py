@@ -2,33 +2,19 @@
 
 from collections.abc import Callable
 
-from mechsim.studies.reduction.candidates.bodies import (
-    RemovalCandidate,
-    disconnected_bodies,
-    fused_bodies,
-    locked_joints,
-)
-from mechsim.studies.reduction.candidates.elements import (
-    actuators,
-    contacts,
-    limits,
-    redundant_equalities,
-    springs,
-    visual_elements,
-)
-from mechsim.studies.reduction.candidates.rods import passive_chains, rods_as_lengths
+from mechsim.studies.reduction.candidates import bodies, elements, rods
 from mechsim.studies.reduction.reduced_scene import Evidence
 
-CATEGORIES: tuple[Callable[[Evidence], list[RemovalCandidate]], ...] = (
-    contacts,
-    visual_elements,
-    limits,
-    actuators,
-    disconnected_bodies,
-    redundant_equalities,
-    locked_joints,
-    passive_chains,
-    rods_as_lengths,
-    fused_bodies,
-    springs,
+CATEGORIES: tuple[Callable[[Evidence], list[bodies.RemovalCandidate]], ...] = (
+    elements.contacts,
+    elements.visual_elements,
+    elements.limits,
+    elements.actuators,
+    bodies.disconnected_bodies,
+    elements.redundant_equalities,
+    bodies.locked_joints,
+    rods.passive_chains,
+    rods.rods_as_lengths,
+    bodies.fused_bodies,
+    elements.springs,
 )
