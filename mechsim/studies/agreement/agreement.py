@@ -85,7 +85,7 @@ class Agreement:
     def masses(self) -> tuple[LinkMass, ...]:
         """The masses of the links and their sources, if forces are compared; else empty."""
         loaded = any(candidate.quantity.loaded for candidate in self.candidates)
-        return self.evaluation.masses if loaded else ()
+        return self.evaluation.loaded_model.masses if loaded else ()
 
     def as_dict(self) -> dict[str, Any]:
         """Return the result in the format of `mechsim validate --json`."""

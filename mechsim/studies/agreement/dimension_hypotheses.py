@@ -312,15 +312,11 @@ def _searched_assemblies(solver: KinematicSolver) -> list[tuple[str, KinematicSo
 def _description(mechanism: Mechanism, tree: SpanningTree, own: Coordinates, q: Coordinates) -> str:
     """Describe the difference of two assemblies by the joint that differs most."""
     difference = q.values[:, 0] - own.values[:, 0]
-    relative = {
-        name: difference[i] / mechanism.characteristic_length
-        if tree.slides[i]
-        else float(wrapped(difference[i])) / np.pi
-        for name, i in tree.index_of.items()
-    }
-    if not relative:
+    relative = np.abs(
+        np.where(tree.slides, difference / mechanism.characteristic_length, wrapped(difference) / np.pi)
+    )
+    if not tree.index_of:
         return "other"
-    name = max(relative, key=lambda joint: abs(relative[joint]))
-    i = tree.index_of[name]
+    name, i = max(tree.index_of.items(), key=lambda joint: relative[joint[1]])
     unit = "m" if tree.slides[i] else "rad"
     return f"{name} = {q.values[i, 0]:.4g} {unit} instead of {own.values[i, 0]:.4g}"

@@ -11,7 +11,7 @@ import numpy as np
 from mechsim.errors import AssemblyError
 from mechsim.mechanism.motion_laws import MotionLaws, State
 from mechsim.numerics.arrays import REVOLUTION, Array, rms, wrapped
-from mechsim.studies.agreement.evaluation_points import EvaluationPoints, Values
+from mechsim.studies.agreement.evaluation_points import Values
 from mechsim.studies.agreement.misfit import Hypothesis, Misfit
 from mechsim.studies.motions import scaled_law
 
@@ -40,7 +40,10 @@ def _under_other_laws(misfit: Misfit, changes: Mapping[str, LawChange]) -> Value
         if crank in changes:
             steady = changes[crank](lambda _: steady)(evaluation.angle)
         angle, speed, acceleration = steady
-        angle = _within_a_period(evaluation, angle)
+        displacement = angle - solver.mechanism.start
+        if solver.crank_range().full and not np.abs(displacement).max() < 2.5 * solver.period:
+            # a periodic motion is moved to the start by whole periods
+            angle = solver.mechanism.start + displacement % solver.period
         return misfit.predicted(replace(evaluation, angle=angle, speed=speed, acceleration=acceleration))
     joints = dict(evaluation.motion.joints)
     time = motion_laws.instants(evaluation.angle)
@@ -53,15 +56,6 @@ def _under_other_laws(misfit: Misfit, changes: Mapping[str, LawChange]) -> Value
         joints[name] = replace(joints[name], value=value, rate=rate, acceleration=second)
     solved = solver.solve_as(replace(evaluation.motion, joints=joints))
     return misfit.predicted(replace(evaluation, solved=solved))
-
-
-def _within_a_period(evaluation: EvaluationPoints, angle: Array) -> Array:
-    """Return crank angles moved near the start by whole periods, if the motion is periodic."""
-    solver = evaluation.solver
-    displacement = angle - solver.mechanism.start
-    if not solver.crank_range().full or np.abs(displacement).max() < 2.5 * solver.period:
-        return angle
-    return solver.mechanism.start + displacement % solver.period
 
 
 def _scaled_driver(misfit: Misfit, driver: str, scale: float, offset: float) -> Values:

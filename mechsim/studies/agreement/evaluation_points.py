@@ -13,7 +13,6 @@ from mechsim.errors import AssemblyError, InputError
 from mechsim.kinematics.loops.motion import conditioning_of
 from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.mechanism.force_record import ForceRecord
-from mechsim.mechanism.masses import LinkMass
 from mechsim.mechanism.motion import Motion
 from mechsim.mechanism.quantity import Column, Quantity, record_columns
 from mechsim.numerics.arrays import REVOLUTION, Array
@@ -122,11 +121,6 @@ class EvaluationPoints:
         from mechsim.kinetics.model import dynamic_model
 
         return self.dynamic_model or dynamic_model(self.solver)
-
-    @property
-    def masses(self) -> tuple[LinkMass, ...]:
-        """The masses of the links from which forces are computed, and their sources."""
-        return self.loaded_model.masses
 
     @cached_property
     def forces(self) -> ForceRecord:

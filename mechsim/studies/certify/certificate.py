@@ -337,17 +337,14 @@ def certify(
     else:
         solver = load(model, set, **options)
     solver.motion_laws.require_drivers(solver.mechanism)
-    if angles is not None and not solver.motion_laws.crank:
+    if angles is None:
+        return certified_motion(solver, None, radii, progress)
+    if not solver.motion_laws.crank:
         raise InputError(
             f"{solver.name} is driven by motion laws, and angles apply to a crank; give a duration"
         )
-    return certified_motion(solver, _range_of(angles), radii, progress)
-
-
-def _range_of(angles: str | tuple[float | str, float | str] | None) -> tuple[float, float] | None:
-    if angles is None:
-        return None
     ends = units.parse_angles(angles.replace(":", ","), "the range") if isinstance(angles, str) else angles
     if len(ends) != 2:
         raise InputError(f"the range {angles!r} is not two angles; write start:stop, for example 10:350deg")
-    return float(units.si(ends[0], "rad", "the range")), float(units.si(ends[1], "rad", "the range"))
+    low, high = (float(units.si(end, "rad", "the range")) for end in ends)
+    return certified_motion(solver, (low, high), radii, progress)

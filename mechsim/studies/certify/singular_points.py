@@ -149,21 +149,15 @@ def enclosed_singular_point(motion: ComputedMotion, approximate: float) -> Singu
             ("change point", systems.crossing, [*q, approximate, 0.0, *u[:, -1]]),
         )
         for kind, system, guess in candidates:
-            point = _accepted(kind, _enclosure(system, np.array(guess)), len(q), approximate)
-            if point is not None:
-                return point
+            enclosure = _enclosure(system, np.array(guess))
+            if enclosure is None:
+                continue
+            parameter, width = float(enclosure.mid[len(q)]), float(enclosure.rad[len(q)])
+            unfolding = float(enclosure.magnitude[len(q) + 1]) if kind == "change point" else 0.0
+            same = abs(parameter - approximate) < MAX_DISTANCE
+            if same and width < PARAMETER_WIDTH and unfolding < MAX_UNFOLDING:
+                return SingularPoint(parameter, width, kind)
     return missing
-
-
-def _accepted(kind: str, enclosure: Ball | None, index: int, approximate: float) -> SingularPoint | None:
-    """Return the singular point of an enclosure; `index` is that of the parameter; None for another point."""
-    if enclosure is None:
-        return None
-    parameter, width = float(enclosure.mid[index]), float(enclosure.rad[index])
-    unfolding = float(enclosure.magnitude[index + 1]) if kind == "change point" else 0.0
-    if abs(parameter - approximate) < MAX_DISTANCE and width < PARAMETER_WIDTH and unfolding < MAX_UNFOLDING:
-        return SingularPoint(parameter, width, kind)
-    return None
 
 
 def _variables(x: Ball) -> DualBall:

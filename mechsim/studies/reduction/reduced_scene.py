@@ -286,7 +286,7 @@ class Evidence:
     @property
     def length(self) -> float:
         """Characteristic length of the full scene, in [m]."""
-        return self.scene.characteristic_length
+        return self.scene.mechanism.characteristic_length
 
     def values(self, joint: str) -> Array:
         """Return a hinge's or slide's coordinate over the motion, (n,) in [rad] or [m]."""
@@ -314,7 +314,15 @@ def observe(spec: mujoco.MjSpec, scene: UserScene, tracked: frozenset[str], tole
             limited |= {element(int(index)).name for index in data.efc_id[data.efc_type == kind]}
         forces = np.maximum(forces, np.abs(data.actuator_force))
         if i % 20 == 0:
-            needed |= _independent_equalities(model, data)
+            # the equalities that the others do not imply
+            equality = np.asarray(data.efc_type) == EQUALITY
+            owner, jacobian = np.asarray(data.efc_id)[equality], dense_rows(data)[equality]
+            full_rank = rank(jacobian, RANK_TOLERANCE, floor=0.0)
+            needed |= {
+                each
+                for each in set(owner.tolist())
+                if rank(jacobian[owner != each], RANK_TOLERANCE, floor=0.0) < full_rank
+            }
     return Evidence(
         spec,
         scene,
@@ -326,14 +334,3 @@ def observe(spec: mujoco.MjSpec, scene: UserScene, tracked: frozenset[str], tole
         {model.actuator(a).name: float(forces[a]) for a in range(model.nu)},
         tuple(model.equality(e).name for e in range(model.neq) if e not in needed),
     )
-
-
-def _independent_equalities(model: mujoco.MjModel, data: mujoco.MjData) -> set[int]:
-    """Return the equalities that the others do not imply."""
-    owner = np.asarray(data.efc_id)[np.asarray(data.efc_type) == EQUALITY]
-    jacobian = dense_rows(data)[np.asarray(data.efc_type) == EQUALITY]
-    full_rank, needed = rank(jacobian, RANK_TOLERANCE, floor=0.0), set[int]()
-    for equality in set(owner.tolist()):
-        if rank(jacobian[owner != equality], RANK_TOLERANCE, floor=0.0) < full_rank:
-            needed.add(int(equality))
-    return needed

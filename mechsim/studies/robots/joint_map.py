@@ -142,7 +142,11 @@ def compare_with_loop_equations(
     zero = np.zeros(len(values))
     still = loops.solve_along(path.times, zero, zero)
     output = _outputs(still, still, mechanism, table.outputs)[0, 1:]
-    moving = [loops.solve_as(_with_rate(still, table.inputs, i)) for i in range(len(table.inputs))]
+    moving: list[Motion] = []
+    for driver in table.inputs:
+        # at unit rate, the others at rest
+        joints = {name: replace(still.joints[name], rate=zero + (name == driver)) for name in table.inputs}
+        moving.append(loops.solve_as(replace(still, joints={**still.joints, **joints})))
     rates = np.stack([_outputs(motion, still, mechanism, table.outputs)[1:, 1:] for motion in moving], -1)
     diagonal = np.diagonal(table.jacobian_derivative[rows], axis1=2, axis2=3)
     return MapComparison(
@@ -200,12 +204,3 @@ def _rotation_vectors(motion: Motion, still: Motion, link: str) -> Array:
 def _slow_motion(start: float) -> Callable[[Array], tuple[Array, Array, Array]]:
     """Return a motion law that defines only the start of a driver; the points of the map replace it."""
     return lambda time: (start + 1e-3 * time, np.full_like(time, 1e-3), np.zeros_like(time))
-
-
-def _with_rate(still: Motion, names: Sequence[str], moving: int) -> Motion:
-    """Return a motion with one driver at unit rate and the others at rest."""
-    rates = {
-        name: replace(still.joints[name], rate=np.full(len(still.angle), float(i == moving)))
-        for i, name in enumerate(names)
-    }
-    return replace(still, joints={**still.joints, **rates})

@@ -9,8 +9,7 @@ from mechsim import units
 from mechsim.errors import InputError, require_once
 from mechsim.io.toml_values import suggestion
 from mechsim.kinematics.designs import Dimension
-from mechsim.mechanism.joint_kinds import KINDS, kinds_that
-from mechsim.mechanism.joints import Joint
+from mechsim.mechanism.joint_kinds import KINDS, Kind, kinds_that
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.units import SI_UNITS, Unit, WrittenUnits
 
@@ -56,7 +55,11 @@ def parsed_tolerances(
             joint = name.removesuffix(CLEARANCE)
             if joint not in joints:
                 raise InputError(f"{mechanism.name} has no joint {joint!r}{suggestion(joint, joints)}")
-            _require_pin(joints[joint])
+            if not _has_pin(KINDS[joints[joint].kind]):
+                raise InputError(
+                    f"joint {joint!r} is {joints[joint].kind}; radial clearances exist for "
+                    f"{kinds_that(_has_pin)} joints only"
+                )
             clearances[joint] = _tolerance(name, tolerance, "m", declared)
         elif name in dimensions:
             bounds[name] = _tolerance(name, tolerance, dimensions[name].unit, declared)
@@ -80,13 +83,8 @@ def _tolerance(name: str, written: str | float, unit: str, declared: WrittenUnit
     return value
 
 
-def _require_pin(joint: Joint) -> None:
-    kind = KINDS[joint.kind]
-    if not (kind.hinge or (kind.ball and not kind.slides)):
-        kinds = kinds_that(lambda kind: kind.hinge or (kind.ball and not kind.slides))
-        raise InputError(
-            f"joint {joint.name!r} is {joint.kind}; radial clearances exist for {kinds} joints only"
-        )
+def _has_pin(kind: Kind) -> bool:
+    return kind.hinge or (kind.ball and not kind.slides)
 
 
 def written_tolerances(text: str, option: str = "--tolerances") -> dict[str, str]:
