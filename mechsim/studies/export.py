@@ -123,8 +123,7 @@ def export(
         twin = serial_twin(model, format, independent=independent, set=set, loops=loops)
         result = ExportedModel(twin.name, format, twin.text, twin=twin)
     else:
-        require_compatible(format, scene, settings, timestep, speed)
-        _require_style(style, format, scene, speed)
+        require_compatible(format, scene, settings, timestep, speed, style)
         loaded = isinstance(model, KinematicSolver) and not set
         solver = model if loaded else load(model, set, still=True, **options)
         solver, elsewhere = _with_formula_from(solver, Path(fspath(output or "")).parent)
@@ -146,17 +145,6 @@ def export(
         with files.atomic_path(Path(fspath(output))) as unfinished:
             unfinished.write_text(result.text, encoding="utf-8")
     return result
-
-
-def _require_style(style: str, format: str, scene: str, speed: float | str | None) -> None:
-    """Raise InputError for an unknown style, or one that excludes another option."""
-    if style not in STYLES:
-        raise InputError(f"there is no style {style!r}; choose from {', '.join(STYLES)}")
-    if style == "menagerie" and (format != "xml" or scene != LEVEL or speed is not None):
-        raise InputError(
-            "the style menagerie has its own scene, actuators and keyframe; leave out --format, --scene "
-            "and --speed"
-        )
 
 
 def _text_of_joints(solver: KinematicSolver, format: str) -> tuple[str, str]:
@@ -192,13 +180,21 @@ def require_compatible(
     settings: Mapping[str, Any],
     timestep: float | str | None,
     speed: float | str | None,
+    style: str = "plain",
 ) -> None:
-    """Raise InputError for options that exclude each other."""
+    """Raise InputError for an unknown format or style, or options that exclude each other."""
     if format not in FORMATS:
         raise InputError(f"there is no format {format!r}; choose from {', '.join(FORMATS)}")
     has_settings = bool(settings) or timestep is not None
     if format != "xml" and (speed is not None or has_settings or scene != LEVEL):
         raise InputError("--scene, --speed and settings are for MuJoCo models; leave them out")
+    if style not in STYLES:
+        raise InputError(f"there is no style {style!r}; choose from {', '.join(STYLES)}")
+    if style == "menagerie" and (format != "xml" or scene != LEVEL or speed is not None):
+        raise InputError(
+            "the style menagerie has its own scene, actuators and keyframe; leave out --format, --scene "
+            "and --speed"
+        )
 
 
 def exported(mechanism: Mechanism, scene: Scene) -> mujoco.MjSpec:

@@ -25,11 +25,7 @@ from mechsim.mechanism.quantities import quantity
 from mechsim.mechanism.quantity import record_columns
 from mechsim.numerics.arrays import Array, number
 from mechsim.studies.agreement.candidate import Candidate, QuantityReader, values_of_function
-from mechsim.studies.agreement.comparison import (
-    candidate_check,
-    formula_tolerance,
-    scales_of,
-)
+from mechsim.studies.agreement.comparison import candidate_check, formula_tolerance, scales_of
 from mechsim.studies.agreement.evaluation_points import EvaluationPoints, evaluation_points
 from mechsim.units import si
 

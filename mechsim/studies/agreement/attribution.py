@@ -84,14 +84,7 @@ def _at_instants(
     keep = run.time <= time[-1] + 2.0 * float(run.model.opt.timestep)
     qpos = cubic_interpolation(run.time[keep], run.qpos[keep], time)
     recorded = replace(run, time=time, qpos=qpos, qvel=np.zeros((len(time), run.qvel.shape[1])))
-    # joint name -> coordinate (n,) of the hinges and slides of a scene
-    single = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
-    names = [joint.name for joint in scene.mechanism.joints[: run.model.njnt]]
-    joints = {
-        name: qpos[:, int(run.model.jnt_qposadr[i])]
-        for i, name in enumerate(names)
-        if int(run.model.jnt_type[i]) in single
-    }
+    joints = recorded.coordinates
     moved = dict(evaluation.motion.joints)
     for name in moved.keys() & {*solver.mechanism.drivers}:
         off = joints[name] - moved[name].value

@@ -41,13 +41,13 @@ class Rod:
     """A link between two ball joints, represented by the distance between their points.
 
     Attributes:
-        ends: points on the connected links, as JOINT.a or JOINT.b.
-        own: points on the rod, as JOINT.a or JOINT.b.
+        joints: names of the ball joints.
+        own: index of the joint's point on the rod among its `Constants.sides`, 0 or 2.
         sides: indices of the connected links in the tree; -1 is the ground.
     """
 
-    ends: tuple[str, str]
-    own: tuple[str, str]
+    joints: tuple[str, str]
+    own: tuple[int, int]
     sides: tuple[int, int]
 
 
@@ -145,11 +145,12 @@ class ClosureEquations:
 
     def _rod_equation(self, rod: Rod, placed: Placed) -> tuple[Number, Number]:
         """Return half the difference of squared distances, divided by the rod's length and the size."""
+        joints = [self.balls.sides[name] for name in rod.joints]
         points = [
-            placed.position[side] + placed.rotation[side] @ self.balls.point(end)
-            for side, end in zip(rod.sides, rod.ends, strict=True)
+            placed.position[side] + placed.rotation[side] @ joint[2 - own]
+            for side, joint, own in zip(rod.sides, joints, rod.own, strict=True)
         ]
-        own = self.balls.point(rod.own[1]) - self.balls.point(rod.own[0])
+        own = joints[1][rod.own[1]] - joints[0][rod.own[0]]
         squared = own.T @ own
         length = float(np.sqrt(squared.mid[0, 0]))
         scale = 1.0 / (length * self.tree.length)
@@ -196,11 +197,6 @@ class Constants:
                 else:
                     angles[joint.name] = ball(np.array([[joint.cross_angle]])).sin_cos()
         return cls(sides, angles)
-
-    def point(self, end: str) -> Ball:
-        """Return the point of JOINT.a or JOINT.b, (3, 1)."""
-        joint, _, side = end.rpartition(".")
-        return self.sides[joint][0 if side == "a" else 2]
 
 
 def _ball_of(values: Array, radius: Array | float = 0.0) -> Ball:
@@ -414,7 +410,7 @@ def loop_equations(
     index = {**tree.index, GROUND: -1}
     return ClosureEquations(
         tree,
-        tuple(_rod(name, joints[0], joints[1], index) for name, joints in rods.items()),
+        tuple(_rod(name, first, second, index) for name, (first, second) in rods.items()),
         rod_joints,
         turn_offsets,
         radii,
@@ -439,14 +435,9 @@ def concentric(mechanism: Mechanism) -> Mechanism:
 
 
 def _rod(name: str, first: Joint, second: Joint, index: Mapping[str, int]) -> Rod:
-    own = [".a" if joint.a.link == name else ".b" for joint in (first, second)]
-    ends = [joint.b if side == ".a" else joint.a for joint, side in zip((first, second), own, strict=True)]
-    others = [".b" if side == ".a" else ".a" for side in own]
-    return Rod(
-        (first.name + others[0], second.name + others[1]),
-        (first.name + own[0], second.name + own[1]),
-        (index[ends[0].link], index[ends[1].link]),
-    )
+    start, end = (0 if joint.a.link == name else 2 for joint in (first, second))
+    a, b = (joint.links[1 - own // 2] for joint, own in ((first, start), (second, end)))
+    return Rod((first.name, second.name), (start, end), (index[a], index[b]))
 
 
 # exact numbers: rational constants and unknown values. A product with an exact zero is an exact zero for any

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -16,7 +17,7 @@ from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.compiling import plainly_compiled
 from mechsim.simulation.model_loops import loops_with_crank
 from mechsim.simulation.plain_settings import settings_of
-from mechsim.simulation.state import SCALAR, SLIDE, PosedBodies
+from mechsim.simulation.state import PosedBodies
 from mechsim.studies.motions import scaled_law
 from mechsim.studies.scene.published_run import PublishedRun
 from mechsim.studies.scene.run import SceneRun, run_scene
@@ -125,14 +126,8 @@ def published_motion(source: KinematicSolver, profile: CrankProfile, samples: in
         rate = np.gradient(values, run.time, axis=0)
         return values, rate, np.gradient(rate, run.time, axis=0)
 
-    # the first joints of a mechanism are those of its model
-    joints: dict[str, JointMotion] = {}
-    for joint, kind, address in zip(
-        scene.mechanism.joints, run.model.jnt_type, run.model.jnt_qposadr, strict=False
-    ):
-        if kind in SCALAR:
-            values = rates(run.qpos[:, address])
-            joints[joint.name] = JointMotion(*values, unit="m" if kind == SLIDE else "rad")
+    unit: Any = scene.mechanism.unit
+    joints = {name: JointMotion(*rates(values), unit=unit(name)) for name, values in run.coordinates.items()}
     position, rotation = PosedBodies(run.model).body_poses(run.qpos)
     links = {
         name: _link_motion(rates, position[:, body], rotation[:, body])

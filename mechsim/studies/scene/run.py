@@ -12,7 +12,7 @@ from mechsim.mechanism.limits import MAX_SCENE_STEPS, require_steps
 from mechsim.numerics.arrays import Array, worst
 from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.simulation.mjcf_reader.coordinates import actuator_names
-from mechsim.simulation.state import PointJacobians, PosedBodies
+from mechsim.simulation.state import SCALAR, PointJacobians, PosedBodies
 from mechsim.simulation.stepping import rollout
 from mechsim.studies.scene.exact_closure import points_on
 from mechsim.studies.scene.scene import UserScene
@@ -72,6 +72,13 @@ class SceneRun:
         """Positions of the tracked points, (n, k, 3) in [m]."""
         position, rotation, _ = self._kinematics
         return points_on(position, rotation, self.scene.tracked.values())
+
+    @property
+    def coordinates(self) -> dict[str, Array]:
+        """Coordinates of hinges and slides, (n,) each in [rad] or [m]."""
+        # the first joints of a mechanism are those of its model
+        joints = zip(self.scene.mechanism.joints, self.model.jnt_type, self.model.jnt_qposadr, strict=False)
+        return {joint.name: self.qpos[:, address] for joint, kind, address in joints if kind in SCALAR}
 
     @property
     def displacement_range(self) -> float:

@@ -9,20 +9,11 @@ from mechsim.numerics.convergence import half_extent
 from mechsim.numerics.resources import Budget, Progress, no_progress
 from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.simulation.plain_settings import UNCHANGED, PlainSettings
+from mechsim.studies.scene import step_sizes
 from mechsim.studies.scene.converged_reference import ConvergedReference, compute_reference
 from mechsim.studies.scene.errors import UNITS, By, SceneErrors, SceneEvaluator, SceneTrial
 from mechsim.studies.scene.run import step_times
 from mechsim.studies.scene.scene import UserScene
-from mechsim.studies.scene.step_sizes import (
-    COSTS,
-    FOURTH_ORDER,
-    FOURTH_ORDER_PROBES,
-    PROBES,
-    loop_settings,
-    single_stage,
-    steps_of,
-    variants,
-)
 
 # fraction of the tolerance at which the search aims; the rest is a reserve for another phase of the motion,
 # rounding of other computers, and instants between records (validation/choices/tuned_scenes.py)
@@ -272,17 +263,19 @@ def tuned(
 
 def _climb(search: _SettingSearch) -> None:
     """Try the settings of the longest sufficient steps, and of some longer steps."""
-    steps = steps_of(search.scene)
+    steps = step_sizes.steps_of(search.scene)
     best: float | None = None
-    for step in _longest(search, steps, PROBES):
-        if search.satisfying(single_stage(search.scene, step)) and best is None:
+    for step in _longest(search, steps, step_sizes.PROBES):
+        if search.satisfying(step_sizes.single_stage(search.scene, step)) and best is None:
             best = step
         if best is not None and step < CLEARLY_SHORTER * best:
             break
     # a step of RK4 is worthwhile only if it is longer by the ratio of the costs
-    longer = [step for step in steps if best is None or step >= CLEARLY_SHORTER * COSTS["RK4"] * best]
-    for step in _longest(search, longer, FOURTH_ORDER_PROBES):
-        if search.satisfying(loop_settings(search.scene, step, *pair) for pair in FOURTH_ORDER):
+    shortest = 0.0 if best is None else CLEARLY_SHORTER * step_sizes.COSTS["RK4"] * best
+    longer = [step for step in steps if step >= shortest]
+    for step in _longest(search, longer, step_sizes.FOURTH_ORDER_PROBES):
+        proposals = (step_sizes.loop_settings(search.scene, step, *pair) for pair in step_sizes.FOURTH_ORDER)
+        if search.satisfying(proposals):
             break
 
 
@@ -297,7 +290,7 @@ def _longest(
     low, high = 0, len(steps)
     while low < high and not search.ended:
         middle = (low + high) // 2
-        proposals = (loop_settings(search.scene, steps[middle], *probe) for probe in probes)
+        proposals = (step_sizes.loop_settings(search.scene, steps[middle], *probe) for probe in probes)
         satisfied = any(
             not search.ended and search.satisfies(search.trial(settings)) for settings in proposals
         )
@@ -311,7 +304,7 @@ def _vary_best(search: _SettingSearch) -> None:
     for _ in range(REPETITIONS):
         best = [trial.settings for trial in search.cheapest()[:VARIED] if trial.settings not in varied]
         for settings in best:
-            search.satisfying(variants(search.scene, settings))
+            search.satisfying(step_sizes.variants(search.scene, settings))
         varied |= {*best}
 
 

@@ -10,16 +10,8 @@ import numpy as np
 
 from mechsim.errors import InputError, MechsimError
 from mechsim.files import atomic_path
+from mechsim.simulation.mjcf import edited_text
 from mechsim.simulation.mjcf.compiling import plainly_compiled, quiet
-from mechsim.simulation.mjcf.edited_text import (
-    EditedText,
-    Element,
-    equality_elements,
-    put_comment,
-    put_key,
-    set_compliance,
-    set_options,
-)
 from mechsim.simulation.mjcf.included_files import moved_to, read_text, with_included
 from mechsim.simulation.mjcf_reader.fixed_bodies import FixedBodies
 from mechsim.simulation.mjcf_reader.parsed_file import parse_file
@@ -73,7 +65,7 @@ def tuned_text(scene: UserScene, settings: PlainSettings, comment: Sequence[str]
     if scene.joint_laws:
         options.setdefault("tolerance", _word(float(scene.model.opt.tolerance)))
 
-    def concerned(root: Element) -> bool:
+    def concerned(root: edited_text.Element) -> bool:
         sections = {child.tag for child in root.children}
         joints = {joint.attributes.get("name") for joint in root.every("joint")}
         return bool(
@@ -85,15 +77,15 @@ def tuned_text(scene: UserScene, settings: PlainSettings, comment: Sequence[str]
 
     before, included = with_included(read_text(scene.path), source, concerned)
     before = moved_to(before, source, folder)
-    edited = EditedText(before)
+    edited = edited_text.EditedText(before)
     if compliance:
-        if len(equality_elements(edited.root)) != scene.model.neq:
+        if len(edited_text.equality_elements(edited.root)) != scene.model.neq:
             raise InputError(
-                f"{scene.path}: {scene.model.neq - len(equality_elements(edited.root))} of its "
+                f"{scene.path}: {scene.model.neq - len(edited_text.equality_elements(edited.root))} of its "
                 f"equality constraints are missing in its text, as those of attached models; {MERGE_HINT}"
             )
-        set_compliance(edited, compliance)
-    set_options(edited, options, flags)
+        edited_text.set_compliance(edited, compliance)
+    edited_text.set_options(edited, options, flags)
     if scene.fixed_bodies is not None:
         _fix_bodies(scene, edited, scene.fixed_bodies)
     for name, (inertia, _) in scene.drive_inertias.items():
@@ -104,24 +96,24 @@ def tuned_text(scene: UserScene, settings: PlainSettings, comment: Sequence[str]
         values = {
             name: _numbers(value.tolist()) for name, value in (state | dict(keyframe)).items() if len(value)
         }
-        put_key(edited, KEY, values)
+        edited_text.put_key(edited, KEY, values)
     if comment:
-        put_comment(edited, comment)
+        edited_text.put_comment(edited, comment)
     return TunedText(before, edited.result, included)
 
 
-def _joint(scene: UserScene, root: Element, name: str) -> Element:
+def _joint(scene: UserScene, root: edited_text.Element, name: str) -> edited_text.Element:
     for joint in root.every("joint"):
         if joint.attributes.get("name") == name and joint.within("worldbody") is not None:
             return joint
     raise InputError(f"{scene.path}: its text has no joint named {name!r}; name the driven joint in the text")
 
 
-def _bodies(root: Element, names: Collection[str]) -> list[Element]:
+def _bodies(root: edited_text.Element, names: Collection[str]) -> list[edited_text.Element]:
     return [body for body in root.every("body") if body.attributes.get("name") in names]
 
 
-def _fix_bodies(scene: UserScene, edited: EditedText, fixed: FixedBodies) -> None:
+def _fix_bodies(scene: UserScene, edited: edited_text.EditedText, fixed: FixedBodies) -> None:
     """Remove the joints of fixed bodies, and their coordinates in keyframes; exclude their contacts."""
     if fixed.excluded:
         pairs = (f"  <exclude body1={quoteattr(a)} body2={quoteattr(b)}/>\n" for a, b in fixed.excluded)
