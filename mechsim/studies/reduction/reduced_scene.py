@@ -286,7 +286,7 @@ class Evidence:
     @property
     def length(self) -> float:
         """Characteristic length of the full scene, in [m]."""
-        return self.scene.mechanism.characteristic_length
+        return self.scene.characteristic_length
 
     def values(self, joint: str) -> Array:
         """Return a hinge's or slide's coordinate over the motion, (n,) in [rad] or [m]."""
