@@ -5,7 +5,7 @@ from typing import Annotated
 import typer
 
 from mechsim.cli.command import Result, Without, command
-from mechsim.cli.options import DriveOptions, Model, Sets, changed_parameters
+from mechsim.cli.options import ModelOptions
 from mechsim.cli.output import number, print_table, wrapped
 from mechsim.cli.progress import progress
 from mechsim.cli.verdict_text import headline
@@ -18,7 +18,6 @@ from mechsim.units import option
 
 @command
 def certify(
-    model: Model,
     *,
     angles: str | None = option(
         None, "Range of the crank. Default: its whole reachable range.", metavar="START:STOP"
@@ -26,8 +25,7 @@ def certify(
     within: str | None = option(
         None, "Prove it for all mechanisms within these tolerances: crank=±0.02mm,...", metavar="P=BOUND,..."
     ),
-    driven: Annotated[DriveOptions, Without("track", "duration", "loops")],
-    sets: Sets = None,
+    source: Annotated[ModelOptions, Without("track", "duration", "loops")],
 ) -> Result:
     """Prove by interval arithmetic that one assembly and no singularity exists over a range.
 
@@ -38,11 +36,9 @@ def certify(
     mechsim certify rssr --angles 10:350deg --within crank=±0.02mm,coupler=0.02mm
     """
     bounds = None if within is None else written_tolerances(within, "--within")
-    arguments = driven.as_arguments()
+    arguments = source.load_arguments()
     with progress("certify", None) as report:
-        proof = certificate_of(
-            model, angles, within=bounds, set=changed_parameters(sets), progress=report, **arguments
-        )
+        proof = certificate_of(source.model, angles, within=bounds, progress=report, **arguments)
     return Result(proof, lambda: _print(proof), proof.certified)
 
 

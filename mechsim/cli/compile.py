@@ -8,7 +8,7 @@ import typer
 
 from mechsim.cli.command import Result, Stated, Without, command, output_file, writable
 from mechsim.cli.load_options import InitialOptions, released_model
-from mechsim.cli.options import ModelOptions, require_other_drivers
+from mechsim.cli.options import ModelOptions
 from mechsim.cli.output import print_text
 from mechsim.codegen.assembly import assembly
 from mechsim.codegen.dynamics_header import dynamics_header, dynamics_test
@@ -77,7 +77,7 @@ def compile_solver(
     if dynamics:
         stated.exclude(["drive"], "with --dynamics, where efforts on the joints are inputs")
         return _dynamics(released_model(options), dict(initial.initial), path, test_path)
-    require_other_drivers(options.model, options.sets, options)
+    options.require_other_drivers()
     code = solver_code(assembly(options.load()))
     text = c_header(code) if in_c else javascript(code)
     _write(path, text)
@@ -101,7 +101,7 @@ def _fmu(options: ModelOptions, initial: InitialOptions | None, output: str, sta
     """Write an FMU: of a run from an initial state, or of the positions if that is None."""
     model: FmuModel
     if initial is None:
-        require_other_drivers(options.model, options.sets, options)
+        options.require_other_drivers()
         model = kinematic_fmu(solver_code(assembly(options.load())))
     else:
         model = dynamic_fmu(released_model(options), dict(initial.initial))

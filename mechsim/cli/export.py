@@ -6,14 +6,7 @@ from typing import Annotated, Any
 import typer
 
 from mechsim.cli.command import Result, Without, command, output_file, writable
-from mechsim.cli.options import (
-    DriveOptions,
-    Sets,
-    changed_parameters,
-    joint_ranges,
-    load_model,
-    require_other_drivers,
-)
+from mechsim.cli.options import DriveOptions, Sets, joint_ranges
 from mechsim.errors import InputError
 from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.simulation.settings import SettingOptions
@@ -85,22 +78,21 @@ def export(
     mechsim export gripper.xml --format toml -o gripper.toml
     mechsim export klann --format dxf --hole 4mm -o klann.dxf
     """
-    settings = setting.stated()
+    settings, source = setting.stated(), driven.applied_to(model, sets)
     if options.cam is not None:
         if options != ExportOptions(cam=options.cam) or settings:
             raise InputError("--cam writes a profile; leave out the options of a model")
-        return _cam(load_model(model, sets, driven), options.cam, output)
+        return _cam(source.load(), options.cam, output)
     is_twin = options.file_format in SERIAL_FORMATS
     if not is_twin:
         require_compatible(options.file_format, options.scene, settings, options.timestep, options.speed)
     if options.file_format != "toml":  # which contains the motion laws
-        require_other_drivers(model, sets, driven)
+        source.require_other_drivers()
     extension = {"mjcf-tree": "xml"}.get(options.file_format, options.file_format)
     path = None if output is None else writable(output, f".{extension}")
     result = export_model(
-        model if is_twin else load_model(model, sets, driven, still=True),
+        model if is_twin else source.load(still=True),
         path,
-        set=changed_parameters(sets) if is_twin else None,
         independent=joint_ranges("--independent", options.independent) if options.independent else (),
         format=options.file_format,
         style=options.style,
@@ -109,7 +101,7 @@ def export(
         settings=settings,
         speed=options.speed,
         hole=options.hole,
-        **(driven.as_arguments() if is_twin else {}),
+        **(source.load_arguments() if is_twin else {}),
     )
 
     def text() -> None:

@@ -5,7 +5,7 @@ from typing import Annotated
 import typer
 
 from mechsim.cli.command import Result, command
-from mechsim.cli.options import complete_models, load_model, require_motion
+from mechsim.cli.options import ModelOptions, complete_models
 from mechsim.cli.output import number, print_table, print_text
 from mechsim.cli.progress import progress
 from mechsim.studies.extremes.trial import StabilityMap
@@ -32,7 +32,7 @@ def extremes(
     """
     from mechsim.studies.extremes.stability_map import study
 
-    solvers = [require_motion(load_model(name)) for name in names or ()]
+    solvers = [ModelOptions(model=name).load_moving() for name in names or ()]
     with progress("extremes", None) as report:
         result = study(solvers, quick=quick, progress=report)
     return Result(result, lambda: _print(result), result.passed)

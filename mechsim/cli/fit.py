@@ -9,7 +9,7 @@ import numpy as np
 
 from mechsim import files, units
 from mechsim.cli.command import Result, Stated, Without, command, output_file
-from mechsim.cli.options import SPEED, ModelOptions, changed_parameters
+from mechsim.cli.options import SPEED, ModelOptions
 from mechsim.cli.output import Value, number, print_table, print_text
 from mechsim.cli.progress import progress
 from mechsim.errors import InputError
@@ -138,8 +138,7 @@ def _identify(source: ModelOptions, vary: Sequence[str], table: str, output: str
     """Return the result of masses, friction and motor constants from a log."""
     if output is not None and not output.lower().endswith(".json"):
         raise InputError(f"-o is {output}; parameters from torques are written as .json")
-    arguments = {name: value for name, value in source.as_arguments().items() if name not in FROM_LOG}
-    arguments["set"] = changed_parameters(source.sets)
+    arguments = {name: value for name, value in source.load_arguments().items() if name not in FROM_LOG}
     with progress("fit", None):
         result = identify(source.model, read_measured(table), vary, where=table, **arguments)
     if output is not None:

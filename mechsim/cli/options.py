@@ -204,6 +204,11 @@ class DriveOptions:
             del options["lock"]["others"]
         return options | {"lock_others": self.locks_others}
 
+    def applied_to(self, model: str, sets: list[str] | None = None) -> "ModelOptions":
+        """Return these options of a model with changed parameters."""
+        options = {field.name: getattr(self, field.name) for field in fields(DriveOptions)}
+        return ModelOptions(model=model, sets=sets, **options)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ControlOptions:
@@ -225,52 +230,45 @@ class ModelOptions(DriveOptions):
     model: Model
     sets: Sets = None
 
+    @property
+    def parameters(self) -> dict[str, str]:
+        """The changed parameters, as text."""
+        changed = [(name, value or "") for name, value in map(pair_of("--set crank=13mm"), self.sets or ())]
+        require_once("--set", [name for name, _ in changed])
+        return dict(changed)
+
+    def load_arguments(self) -> dict[str, Any]:
+        """Return the options and the changed parameters as arguments of `load`."""
+        return self.as_arguments() | {"set": self.parameters}
+
     def load(self, *, still: bool = False, by_motors: bool = False) -> KinematicSolver:
         """Return the mechanism; see `mechsim.load` and `load_by_motors`."""
-        return load_model(self.model, self.sets, self, still=still, by_motors=by_motors)
+        warn_about_parameters(self.model, self.parameters)
+        opened = load_by_motors if by_motors else load
+        return _with_notes(opened(self.model, **self.load_arguments(), still=still))
 
     def load_moving(self, *, by_motors: bool = False) -> KinematicSolver:
         """Return a mechanism whose motion is determined by a crank or by motion laws."""
         return require_motion(self.load(by_motors=by_motors))
 
-    def load_parametric(self) -> DesignFamily:
-        """Return the parametric model of a mechanism whose motion is determined."""
-        return load_parametric(self.model, self.sets, self)
+    def load_parametric(self, *, moving: bool = True) -> DesignFamily:
+        """Return the parametric model of a mechanism; with `moving` its motion must be determined."""
+        warn_about_parameters(self.model, self.parameters)
+        parametric = parametric_model(self.model, **self.load_arguments())
+        solver = _with_notes(parametric.make({}))
+        if moving:
+            require_motion(solver)
+        return parametric
 
-
-def load_model(
-    model: str,
-    sets: list[str] | None = None,
-    driven: DriveOptions | None = None,
-    *,
-    still: bool = False,
-    by_motors: bool = False,
-) -> KinematicSolver:
-    """Return a mechanism with changed parameters and drivers; see `mechsim.load`."""
-    driven, parameters = driven or DriveOptions(), changed_parameters(sets)
-    warn_about_parameters(model, parameters)
-    opened = load_by_motors if by_motors else load
-    return _with_notes(opened(model, parameters, **driven.as_arguments(), still=still))
-
-
-def load_parametric(
-    model: str, sets: list[str] | None, driven: DriveOptions, *, moving: bool = True
-) -> DesignFamily:
-    """Return a parametric model; with `moving` its motion must be determined."""
-    parameters = changed_parameters(sets)
-    warn_about_parameters(model, parameters)
-    parametric = parametric_model(model, parameters, **driven.as_arguments())
-    solver = _with_notes(parametric.make({}))
-    if moving:
-        require_motion(solver)
-    return parametric
-
-
-def changed_parameters(sets: list[str] | None) -> dict[str, str]:
-    """Return the parameters of `--set`, as text."""
-    changed = [(name, value or "") for name, value in map(pair_of("--set crank=13mm"), sets or ())]
-    require_once("--set", [name for name, _ in changed])
-    return dict(changed)
+    def require_other_drivers(self) -> None:
+        """Raise InputError if --drive names the model's drivers, where only their names have an effect."""
+        if self.drive:
+            solver = load(self.model, **replace(self, drive=()).load_arguments(), still=True)
+            if {*solver.mechanism.drivers} == {name for name, _ in self.drive}:
+                raise InputError(
+                    f"--drive has no effect, since {solver.name} is driven at "
+                    f"{', '.join(solver.mechanism.drivers)} and no motion law is written; leave it out"
+                )
 
 
 def joint_ranges(option_name: str, text: str) -> dict[str, tuple[str, str] | None]:
@@ -291,17 +289,6 @@ def _with_notes(solver: KinematicSolver) -> KinematicSolver:
     for fact in solver.facts:
         notes.append(f"{solver.name}: {fact}")
     return solver
-
-
-def require_other_drivers(model: str, sets: list[str] | None, driven: DriveOptions) -> None:
-    """Raise InputError if --drive names the drivers of a model, where only their names have an effect."""
-    if driven.drive:
-        solver = load(model, changed_parameters(sets), **replace(driven, drive=()).as_arguments(), still=True)
-        if {*solver.mechanism.drivers} == {name for name, _ in driven.drive}:
-            raise InputError(
-                f"--drive has no effect, since {solver.name} is driven at "
-                f"{', '.join(solver.mechanism.drivers)} and no motion law is written; leave it out"
-            )
 
 
 def require_motion(solver: KinematicSolver) -> KinematicSolver:

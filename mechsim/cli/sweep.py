@@ -10,7 +10,7 @@ import typer
 
 from mechsim.cli.command import Result, Stated, Without, command, output_file
 from mechsim.cli.load_options import masses_in_json, print_masses
-from mechsim.cli.options import ModelOptions, Speed, changed_parameters
+from mechsim.cli.options import ModelOptions, Speed
 from mechsim.cli.output import Value, number, print_table, print_text
 from mechsim.cli.progress import progress
 from mechsim.errors import InputError, require_once
@@ -74,11 +74,9 @@ def sweep(
     """
     start = time.perf_counter()
     require_libraries(output)
-    arguments = source.as_arguments()
-    changed = changed_parameters(source.sets)
-    subject, dimensions = swept_designs(source.model, changed, **arguments)
+    subject, dimensions = swept_designs(source.model, **source.load_arguments())
     ranges = _ranges(options, subject, dimensions)
-    if twice := sorted({*ranges} & {*changed}):
+    if twice := sorted({*ranges} & {*source.parameters}):
         raise InputError(f"--set {twice[0]} has no effect, since --vary varies it; leave it out")
     task = swept_task(
         subject,

@@ -6,7 +6,7 @@ from typing import Any
 
 from mechsim import units
 from mechsim.cli.command import Result, command
-from mechsim.cli.options import Model, Sets, load_model
+from mechsim.cli.options import Model, ModelOptions, Sets
 from mechsim.cli.output import number, print_table
 from mechsim.errors import InputError
 from mechsim.files import attributes
@@ -36,7 +36,7 @@ def synthesize(
     mechsim synthesize looper --through 12.9,30mm --tilt 1.4deg --length 4mm
     mechsim synthesize looper --through 13,30mm --tilt 2deg --length 5mm --json
     """
-    base = load_model(model, sets)
+    base = ModelOptions(model=model, sets=sets).load()
     if not hasattr(base.closed_form, "planar_point"):
         all_formulas = {name: catalog.mechanism(name).formulas for name in catalog.MECHANISMS}
         choices = ", ".join(name for name, made in all_formulas.items() if hasattr(made, "planar_point"))

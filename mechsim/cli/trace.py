@@ -7,7 +7,7 @@ import numpy as np
 
 from mechsim import files
 from mechsim.cli.command import Result, Without, command, table_file
-from mechsim.cli.options import ModelOptions, require_other_drivers
+from mechsim.cli.options import ModelOptions
 from mechsim.cli.output import Value, number, print_table, print_text
 from mechsim.cli.progress import progress
 from mechsim.errors import several
@@ -40,7 +40,7 @@ def trace(
     mechsim trace four_bar --set crank=90mm
     mechsim trace rssr -o curves.csv
     """
-    require_other_drivers(source.model, source.sets, source)
+    source.require_other_drivers()
     solver = source.load()
     with progress("trace", None, at_least=True) as report:
         curves = trace_assemblies(solver, starts=starts, progress=report)

@@ -7,7 +7,7 @@ import typer
 from mechsim import units
 from mechsim.cli import exit_codes
 from mechsim.cli.command import PLOTS, Result, command, one_of_each, table_or_plot_file
-from mechsim.cli.options import Model, Sets, Speed, load_model
+from mechsim.cli.options import Model, ModelOptions, Sets, Speed
 from mechsim.cli.output import Value, number, print_table, print_text
 from mechsim.cli.progress import progress
 from mechsim.errors import InputError
@@ -52,7 +52,7 @@ def tradeoff(
         raise InputError(f"the budget is {budget}; give a time above 0, as in 60s")
     timer = Budget(seconds, exit_codes.typed_at)
     with progress("tradeoff", None) as report:
-        subject = subject_of(load_model(model, sets), crank_speed(speed))
+        subject = subject_of(ModelOptions(model=model, sets=sets).load(), crank_speed(speed))
         result = measure_tradeoff(subject, budget=timer, progress=report)
     if output is not None:
         write_csv(output, result, by)

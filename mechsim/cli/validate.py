@@ -14,7 +14,7 @@ from mechsim import units
 from mechsim.cli.command import JSON_OPTION, Result, Stated, command, output_folder
 from mechsim.cli.exit_codes import print_stderr
 from mechsim.cli.finding_text import findings_in_json, print_finding_lines
-from mechsim.cli.options import DriveOptions, Sets, Speed, Verbose, load_parametric
+from mechsim.cli.options import DriveOptions, Sets, Speed, Verbose
 from mechsim.cli.output import print_json
 from mechsim.cli.progress import progress, sections
 from mechsim.cli.verdict_text import print_agreement, print_cases, print_verdicts
@@ -133,7 +133,7 @@ def _validate(
     if chosen.against is not None:
         if models is None or len(models) != 1 or chosen.whole_gallery:
             raise InputError("--against compares one model; name exactly one")
-        design = load_parametric(models[0], sets, driven, moving=False)
+        design = driven.applied_to(models[0], sets).load_parametric(moving=False)
         _require_crank(stated, [design.make({})])
         return _against(models[0], design, chosen, folder, verbose)
     names = list(models or catalog.MECHANISMS)
@@ -143,7 +143,7 @@ def _validate(
         options = "--set changes" if sets else "--drive, --lock, --key and --track change"
         raise InputError(f"{options} one mechanism; name it")
     solving = with_formulas if chosen.formula else str
-    loaded = [load_parametric(solving(model), sets, driven) for model in names]
+    loaded = [driven.applied_to(solving(model), sets).load_parametric() for model in names]
     if not chosen.formula:
         loaded = [*map(_without_formula, loaded)]
     solvers = [design.make({}) for design in loaded]

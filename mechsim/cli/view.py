@@ -14,7 +14,7 @@ import typer
 from mechsim.cli.command import Result, Stated, Without, command, output_file
 from mechsim.cli.exit_codes import notes
 from mechsim.cli.load_options import ReleaseOptions, released_model
-from mechsim.cli.options import SPEED, ModelOptions, load_parametric
+from mechsim.cli.options import SPEED, ModelOptions
 from mechsim.errors import InputError
 from mechsim.files import atomic_path
 from mechsim.mechanism.mechanism import require_axis, require_polynomials
@@ -92,7 +92,7 @@ def _live(contents: "View", source: ModelOptions, release: ReleaseOptions) -> "V
 
     if release.requested:
         raise InputError("--live moves a mechanism by its drivers; leave --initial and --mode out")
-    designs = load_parametric(source.model, source.sets, source, moving=False)
+    designs = source.load_parametric(moving=False)
     solver = source.load(still=True)
     if not solver.mechanism.drivers:
         raise InputError(f"{solver.name}: nothing is driven, and --live moves drivers; leave it out")

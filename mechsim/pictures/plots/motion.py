@@ -89,8 +89,7 @@ def _scales(motion: Motion) -> list[float]:
 def transmission_plot(angles: ArrayLike, transmission: ArrayLike) -> Figure:
     """Draw the transmission angle over the crank angle, both in [rad]."""
     x, y = np.rad2deg(np.asarray(angles)), np.rad2deg(np.asarray(transmission))
-    figure, axes = blank(1, 1, (4.6, 2.8))
-    ax = axes[0, 0]
+    figure, ((ax,),) = blank(1, 1, (4.6, 2.8))
     ax.plot(x, y, color=COLOURS[1])
     worst = int(np.argmin(y))
     ax.plot(x[worst], y[worst], "o", ms=4, color=COLOURS[0])
@@ -119,8 +118,7 @@ def error_plot(
         timed: whether the instants are times.
     """
     x = np.asarray(instants) if timed else np.rad2deg(np.asarray(instants))
-    figure, axes = blank(1, 1, (5.6, 3.0))
-    ax = axes[0, 0]
+    figure, ((ax,),) = blank(1, 1, (5.6, 3.0))
     for i, (label, values) in enumerate(errors.items()):
         error = np.abs(np.asarray(values, dtype=np.float64))
         error = np.where(np.isfinite(error), np.maximum(error, FLOOR), np.nan)
