@@ -190,6 +190,13 @@ class StraightPath:
             for own in members
         ]
 
+    def closing_rates(self, jacobian: Array, rates: Array) -> Array:
+        """Return rates (n, nv) with those of the passive DOFs that keep the loops (n, m, nv) closed."""
+        for _ in range(2):  # the second iteration removes rounding errors
+            error = (jacobian @ rates[..., None])[..., 0]
+            rates[:, self.passive] -= least_squares(jacobian[:, :, self.passive], error)
+        return rates
+
     def reach(self, targets: Array) -> tuple[Array, NDArray[np.bool_]]:
         """Return the configurations of `follow`, and which of them close within the joint limits."""
         qpos, closed = self.follow(targets)
@@ -312,10 +319,7 @@ def sample(
     residual, jacobian = path.loops.linearise(qpos)
     qvel = np.zeros((n, path.loops.model.nv))
     qvel[:, path.drivers] = random.normal(size=(n, len(path.drivers))) * path.loops.units[path.drivers]
-    for _ in range(2):  # the second iteration removes rounding errors
-        rates = (jacobian @ qvel[..., None])[..., 0]
-        qvel[:, path.passive] -= least_squares(jacobian[:, :, path.passive], rates)
-    return Sample(qpos, qvel, path.loops.closure_error(residual), accepted)
+    return Sample(qpos, path.closing_rates(jacobian, qvel), path.loops.closure_error(residual), accepted)
 
 
 def _drawn(

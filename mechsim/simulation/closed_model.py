@@ -12,7 +12,6 @@ from mechsim.numerics.arrays import Array
 from mechsim.simulation import loop_jacobian
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.recording import Track
-from mechsim.simulation.state import is_disabled
 
 # bits of a contact mask without the sign bit
 BITS = 31
@@ -82,11 +81,6 @@ class ClosedModel:
     def angle(self) -> float:
         """Angle of the crank, or the path parameter, in the closed state, in [rad]."""
         return float(self.qpos[self.loops.crank_address])
-
-    @property
-    def has_contacts(self) -> bool:
-        """Whether contacts are enabled."""
-        return not is_disabled(self.model, mujoco.mjtDisableBit.mjDSBL_CONTACT)
 
     def without_contacts(self, determined: NDArray[np.bool_]) -> "ClosedModel":
         """Return the model without contacts between the bodies of a mask, (nbody,)."""

@@ -220,7 +220,8 @@ class DrivenRun:
             elif not estimate <= tolerance:
                 outcome = "failed"
         # the notes on a stepped run; empty without any
-        changed = CHANGED + (TOUCHING if self.closed.has_contacts else UNTOUCHED)
+        no_contacts = is_disabled(self.closed.model, mujoco.mjtDisableBit.mjDSBL_CONTACT)
+        changed = CHANGED + (UNTOUCHED if no_contacts else TOUCHING)
         undecided = undecided_note(self.closed.loops, passed_change_points(self.closed, self.profile))
         notes = self.closed.note, changed if self.closed.custom else "", undecided, self.ending
         return Run(

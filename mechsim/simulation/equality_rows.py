@@ -222,8 +222,8 @@ def constraints(
             pairs.append(PointPair(bodies, points))
             if kind == mujoco.mjtEq.mjEQ_WELD:
                 frames.append(FramePair(bodies, rotations))
-        elif is_rod(model, i):
-            rods.append(rod_pair(model, i))
+        elif rod := rod_of(model, i):
+            rods.append(rod)
         elif kind in (mujoco.mjtEq.mjEQ_JOINT, mujoco.mjtEq.mjEQ_TENDON):
             left, right = _sum_of(model, kind, first), _sum_of(model, kind, second) if second >= 0 else None
             couplings.append(CouplingConstraint(left, right, model.eq_data[i, :5].copy(), i))
@@ -235,25 +235,23 @@ def constraints(
     return pairs, rods, frames, couplings
 
 
-def is_rod(model: mujoco.MjModel, i: int) -> bool:
-    """Whether an equality keeps the length above 0 of one tendon from a site of a body to one of another."""
-    tendon = int(model.eq_obj1id[i])
+def rod_of(model: mujoco.MjModel, i: int) -> RodPair | None:
+    """Return the rod of an equality that keeps the length above 0 of a tendon between sites of two bodies."""
     if model.eq_type[i] != int(mujoco.mjtEq.mjEQ_TENDON) or model.eq_obj2id[i] >= 0:
-        return False
-    rows = slice(model.tendon_adr[tendon], model.tendon_adr[tendon] + model.tendon_num[tendon])
-    if model.wrap_type[rows].tolist() != [int(mujoco.mjtWrap.mjWRAP_SITE)] * 2:
-        return False
-    rod = rod_pair(model, i)
-    return rod.length > 0.0 and rod.bodies[0] != rod.bodies[1]
-
-
-def rod_pair(model: mujoco.MjModel, i: int) -> RodPair:
-    """Return the points and the length of an equality for which `is_rod` holds."""
+        return None
     tendon = int(model.eq_obj1id[i])
-    first, second = (int(model.wrap_objid[model.tendon_adr[tendon] + k]) for k in range(2))
+    line, length = line_of(model, tendon), float(model.tendon_length0[tendon] + model.eq_data[i, 0])
+    return RodPair(*line, length, i) if line and length > 0.0 and line[0][0] != line[0][1] else None
+
+
+def line_of(model: mujoco.MjModel, tendon: int) -> tuple[tuple[int, int], tuple[Array, Array]] | None:
+    """Return the bodies and points of a tendon that is a line between two sites; None for another."""
+    wraps = slice(model.tendon_adr[tendon], model.tendon_adr[tendon] + model.tendon_num[tendon])
+    if model.wrap_type[wraps].tolist() != [int(mujoco.mjtWrap.mjWRAP_SITE)] * 2:
+        return None
+    first, second = model.wrap_objid[wraps].tolist()
     bodies = int(model.site_bodyid[first]), int(model.site_bodyid[second])
-    points = model.site_pos[first].copy(), model.site_pos[second].copy()
-    return RodPair(bodies, points, float(model.tendon_length0[tendon] + model.eq_data[i, 0]), i)
+    return bodies, (model.site_pos[first].copy(), model.site_pos[second].copy())
 
 
 def coincident_frames(

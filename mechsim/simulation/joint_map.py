@@ -194,14 +194,8 @@ class _Outputs:
 
 def input_rates(path: StraightPath, qpos: Array) -> Array:
     """Return the rates of all DOFs for unit rates of each driver, (n, nv, k), that keep the loops closed."""
-    jacobian = path.loops.linearise(qpos)[1]
-    rates = np.zeros((len(qpos), path.loops.model.nv, len(path.drivers)))
-    for i, dof in enumerate(path.drivers.tolist()):
-        rates[:, dof, i] = 1.0
-        for _ in range(2):  # the second iteration removes rounding errors
-            error = (jacobian @ rates[:, :, i, None])[..., 0]
-            rates[:, path.passive, i] -= least_squares(jacobian[:, :, path.passive], error)
-    return rates
+    jacobian, units = path.loops.linearise(qpos)[1], np.eye(path.loops.model.nv)[path.drivers]
+    return np.stack([path.closing_rates(jacobian, np.tile(unit, (len(qpos), 1))) for unit in units], 2)
 
 
 def map_over_grid(
@@ -338,10 +332,8 @@ def _jacobian_derivative(evaluator: _Outputs, qpos: Array) -> Array:
             scale = (weight / (12.0 * step))[:, None, None]
             constraint_change += scale * path.loops.linearise(displaced)[1]
             gradient_change += scale * evaluator.gradients(displaced)[1]
-        error = constraint_change @ rates
-        passive_change = np.stack(
-            [-least_squares(constraint[:, :, path.passive], error[:, :, j]) for j in range(error.shape[2])], 2
-        )
+        errors, passive = np.moveaxis(constraint_change @ rates, 2, 0), constraint[:, :, path.passive]
+        passive_change = np.stack([-least_squares(passive, error) for error in errors], 2)
         columns.append(gradient_change @ rates + gradients[:, :, path.passive] @ passive_change)
     return np.stack(columns, -1)
 

@@ -96,20 +96,16 @@ def add_sensors(spec: mujoco.MjSpec, points: tuple[str, ...]) -> Track:
         spec: of the model; bodies without a name get one.
         points: names of the sites to track.
     """
-    links = []
     for i, body in enumerate(spec.bodies[1:]):
         body.name = body.name or f"body{i + 1}"
-        links.append(body.name)
-        for rate, kind in RATES.items():
-            spec.add_sensor(
-                name=f"{body.name}:{rate}", type=kind, objtype=mujoco.mjtObj.mjOBJ_XBODY, objname=body.name
-            )
-    for point in points:
-        for rate in ("linvel", "linacc"):
-            spec.add_sensor(
-                name=f"{point}.{rate}", type=RATES[rate], objtype=mujoco.mjtObj.mjOBJ_SITE, objname=point
-            )
-    return Track(points, tuple(links))
+    body_kind, site_kind = mujoco.mjtObj.mjOBJ_XBODY, mujoco.mjtObj.mjOBJ_SITE
+    links = tuple(body.name for body in spec.bodies[1:])
+    sensors = [(body_kind, link, f"{link}:{rate}", kind) for link in links for rate, kind in RATES.items()]
+    for rate in ("linvel", "linacc"):
+        sensors += [(site_kind, point, f"{point}.{rate}", RATES[rate]) for point in points]
+    for object_kind, owner, name, kind in sensors:
+        spec.add_sensor(name=name, type=kind, objtype=object_kind, objname=owner)
+    return Track(points, links)
 
 
 @dataclass(frozen=True, slots=True)
@@ -207,9 +203,8 @@ def _evaluated(
             change[:, loops.free] = loop_jacobian.solve(loops, jacobian, -right[..., None])[..., 0]
         qacc += change
         for name, link in links.items():
-            linear, angular = (
-                (rates @ change[..., None])[..., 0] for rates in sims.jac(model.body(name).id, link.position)
-            )
+            jacobians = sims.jac(model.body(name).id, link.position)
+            linear, angular = ((rates @ change[..., None])[..., 0] for rates in jacobians)
             links[name] = replace(
                 link,
                 acceleration=link.acceleration + linear,
@@ -278,17 +273,16 @@ def closure_acceleration(
     model = loops.model
     rates: list[Array] = [np.zeros((len(qacc), 0))]
     world = resting(len(qacc))
+    motions = {model.body(name).id: link for name, link in links.items()} | {0: world}
     for pair in (*loops.pairs, *loops.rods):
-        a, b = (
-            point_rates(links[model.body(body).name] if body else world, local) for body, local in pair.ends
-        )
+        a, b = (point_rates(motions[body], local) for body, local in pair.ends)
         gap, speed, acceleration = (first - second for first, second in zip(a, b, strict=True))
         if isinstance(pair, RodPair):
             acceleration = pair.along(gap) * acceleration + pair.along(speed) * speed
             acceleration = acceleration.sum(1, keepdims=True)
         rates.append(acceleration)
     for pair in loops.frames:
-        a, b = (links[model.body(body).name] if body else world for body in pair.bodies)
+        a, b = (motions[body] for body in pair.bodies)
         apart = a.angular_acceleration - b.angular_acceleration
         apart = apart - np.cross(b.angular_velocity, a.angular_velocity)
         rates.append((pair.rotation_error(a.rotation, b.rotation)[1] @ apart[..., None])[..., 0])

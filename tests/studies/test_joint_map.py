@@ -129,6 +129,12 @@ def test_rates_of_rotation_vectors_equal_finite_differences():
     np.testing.assert_allclose(rotation_vector_rates(vectors) @ angular, expected, atol=1e-9)
 
 
+def test_a_map_of_one_configuration_has_its_rotation():
+    table = ms.joint_map("four_bar", {"rocker": ("96deg", "300deg")}, ["rocker.rz"], points=2)
+    assert len(table.input) == 1
+    np.testing.assert_allclose(table.output[:, 0], table.input[:, 0] - table.reference[0], atol=1e-13)
+
+
 TWO_MOTORS = model_text("joint_map_two_motors.xml")
 
 

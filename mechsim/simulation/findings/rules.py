@@ -1,6 +1,7 @@
 """Violations of the rules of `mechsim check` in a file, and repairs."""
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
 
 import mujoco
@@ -35,8 +36,10 @@ REJECTED = 0.01
 def violations(read: MjcfModel) -> list[Finding]:
     """Return the findings of all rules in a model, errors first, with the path of their file."""
     with quiet():
-        scene = Inspected(read)
-        path, reported = _closed_path(scene), list(findings_in(scene))
+        scene, path = Inspected(read), None
+        with suppress(MechsimError, FloatingPointError, np.linalg.LinAlgError):  # no loops, or open ones
+            path = straight_path(scene.model, None, read.qpos if scene.closed is None else scene.closed)
+        reported = list(findings_in(scene))
         if path is not None:
             fighting = {finding.object for finding in reported if finding.kind == "actuator"}
             reported += [each for each in _passive_actuators(scene, path) if each.object not in fighting]
@@ -52,22 +55,6 @@ def unreadable(path: str, reason: str) -> Finding:
     """Return the finding on a file that cannot be read, one of several."""
     message = reason.removeprefix(f"{path}: ")
     return with_severity(Finding(kind="unreadable", object=path, value=1.0, message=message, file=path))
-
-
-def _closed_path(scene: Inspected) -> StraightPath | None:
-    """Return the straight paths of the actuated joints; None if the model has no loops that close."""
-    try:
-        return straight_path(scene.model, None, scene.read.qpos if scene.closed is None else scene.closed)
-    except (MechsimError, FloatingPointError, np.linalg.LinAlgError):
-        return None
-
-
-def _actuated(path: StraightPath) -> bool:
-    """Return whether there are drivers, and an actuator acts on each of them."""
-    model = path.loops.model
-    on_joint = model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT
-    joints = model.dof_jntid[path.drivers]
-    return len(joints) > 0 and bool(np.isin(joints, model.actuator_trnid[on_joint, 0]).all())
 
 
 def _passive_actuators(scene: Inspected, path: StraightPath) -> Iterator[Finding]:
@@ -101,7 +88,9 @@ def _passive_limits(path: StraightPath) -> Iterator[Finding]:
     """Yield passive joints whose limits reject closed configurations within the drivers' limits."""
     model = path.loops.model
     limited = np.intersect1d(model.dof_jntid[path.passive], limited_joints(model))
-    if not len(limited) or not _actuated(path):
+    on_joint = model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT
+    actuated = np.isin(model.dof_jntid[path.drivers], model.actuator_trnid[on_joint, 0])
+    if not len(limited) or not len(actuated) or not actuated.all():
         return
     low, high = driver_ranges(path)
     qpos, closed = path.follow(np.random.default_rng(SEED).uniform(low, high, (DRAWN, len(low))))
@@ -129,14 +118,12 @@ def _loop_joints(path: StraightPath) -> Iterator[Finding]:
     ]
     if not closing:
         return
-    joints = {int(model.dof_jntid[dof]) for dof in path.passive}
     has = {
-        "limits": any(model.jnt_limited[joint] for joint in joints),
-        "friction": any(model.dof_frictionloss[dof] > 0.0 for dof in path.passive),
-        "damping": any(np.any(model.dof_damping[dof] > 0.0) for dof in path.passive),
+        "limits": model.jnt_limited[model.dof_jntid[path.passive]],
+        "friction": model.dof_frictionloss[path.passive] > 0.0,
+        "damping": model.dof_damping[path.passive] > 0.0,
     }
-    if any(has.values()):
-        listed = ", ".join(name for name, is_present in has.items() if is_present)
+    if listed := ", ".join(name for name, values in has.items() if np.any(values)):
         names, by = ", ".join(closing), float(len(closing))
         message = f"loop closures have no {listed}, which other passive joints have: {names}"
         remedy = "add them to a joint next to the closure"

@@ -21,7 +21,6 @@ from mechsim.simulation.mjcf.joints import (
     coincident_points,
     model_names,
     seated_pose,
-    zero_pose,
 )
 from mechsim.simulation.mjcf.link_inertias import (
     PLACEHOLDER,
@@ -130,7 +129,7 @@ def _add_links(
     bodies, frames = {GROUND: spec.worldbody}, {GROUND: IDENTITY}
     for branch in tree.branches:
         link, parent = branch.child.link, frames[branch.parent.link]
-        local, values = seated_pose(branch, parent, poses[link]) if link in poses else zero_pose(branch)
+        local, values = seated_pose(branch, parent, poses.get(link))
         if link in poses:
             values = with_revolutions(mechanism, branch.joint, values)
         body = bodies[branch.parent.link].add_body(

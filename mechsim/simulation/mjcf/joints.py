@@ -94,16 +94,14 @@ def coincident_points(kind: Kind) -> list[float] | None:
     return [0.0] if kind.ball else [0.0, 1.0] if kind.hinge else None
 
 
-def zero_pose(branch: Branch) -> tuple[Pose, tuple[float, ...]]:
-    """Return the child's pose in the parent's frame at zero coordinates of the joint, and the coordinates."""
-    return _posed(branch, branch.joint.unguessed), branch.joint.unguessed
-
-
-def seated_pose(branch: Branch, parent: Pose, child: Pose) -> tuple[Pose, tuple[float, ...]]:
+def seated_pose(branch: Branch, parent: Pose, child: Pose | None) -> tuple[Pose, tuple[float, ...]]:
     """Return the child's pose in the parent's frame nearest to an initial guess, and its joint coordinates.
 
-    The pose satisfies the joint exactly: only its free coordinates come from the approximate poses.
+    The pose satisfies the joint exactly: only its free coordinates come from the approximate poses. Without a
+    guess the coordinates are zero.
     """
+    if child is None:
+        return _posed(branch, branch.joint.unguessed), branch.joint.unguessed
     kind = KINDS[branch.joint.kind]
     sides = [
         (pose.point(end.point), pose.rotation @ end.frame)

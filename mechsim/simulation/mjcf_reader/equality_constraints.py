@@ -9,7 +9,7 @@ import numpy as np
 from mechsim.errors import InputError
 from mechsim.mechanism.joints import Coupling, End, Joint
 from mechsim.numerics.arrays import Array
-from mechsim.simulation.equality_rows import coincident_frames, is_rod, rod_pair, tendon_joints
+from mechsim.simulation.equality_rows import RodPair, coincident_frames, rod_of, tendon_joints
 from mechsim.simulation.mjcf_reader.kinematic_tree import FRAMES, POINTS, Carrier
 from mechsim.simulation.state import is_disabled
 
@@ -51,12 +51,12 @@ def equalities(
     off = is_disabled(model, mujoco.mjtDisableBit.mjDSBL_EQUALITY)
     names = {model.joint(j).name for j in range(model.njnt)}
     for i in range(model.neq):
-        name, kind = model.equality(i).name, int(model.eq_type[i])
+        name, kind, rod = model.equality(i).name, int(model.eq_type[i]), rod_of(model, i)
         if off or not model.eq_active0[i]:
             result.remarks.append(f"equality {name!r} is not active and was left out")
-        elif kind in (CONNECT, WELD) or is_rod(model, i):
-            read = _rod_joint if kind == TENDON else _closing_joint
-            joint = read(model, i, carriers, f"{name}_loop" if name in names else name)
+        elif rod or kind in (CONNECT, WELD):
+            own = f"{name}_loop" if name in names else name
+            joint = _rod_joint(rod, carriers, own) if rod else _closing_joint(model, i, carriers, own)
             if joint is None:
                 result.remarks.append(f"equality {name!r} joins bodies that do not move against each other")
             else:
@@ -76,10 +76,10 @@ def equalities(
 
 def is_readable(model: mujoco.MjModel, i: int) -> bool:
     """Whether an equality is a joint or a coupling: connect, weld, joint or fixed-tendon equality, or rod."""
-    if is_rod(model, i):
+    if rod_of(model, i) or int(model.eq_type[i]) in (CONNECT, WELD, JOINT):
         return True
     if int(model.eq_type[i]) != TENDON:
-        return int(model.eq_type[i]) in (CONNECT, WELD, JOINT)
+        return False
     tendons = [int(t) for t in (model.eq_obj1id[i], model.eq_obj2id[i]) if t >= 0]
     wraps = [int(model.tendon_adr[t]) + k for t in tendons for k in range(int(model.tendon_num[t]))]
     return bool((model.wrap_type[wraps] == mujoco.mjtWrap.mjWRAP_JOINT).all())
@@ -100,9 +100,8 @@ def _closing_joint(model: mujoco.MjModel, i: int, carried: Sequence[Carrier], na
     return Joint(name, kind, a, b)
 
 
-def _rod_joint(model: mujoco.MjModel, i: int, carried: Sequence[Carrier], name: str) -> Joint | None:
+def _rod_joint(rod: RodPair, carried: Sequence[Carrier], name: str) -> Joint | None:
     """Return the distance joint of a tendon between two sites; None if both belong to one link."""
-    rod = rod_pair(model, i)
     a, b = (End(carried[body].link, carried[body].point(local)) for body, local in rod.ends)
     return None if a.link == b.link else Joint(name, "distance", a, b, length=rod.length)
 

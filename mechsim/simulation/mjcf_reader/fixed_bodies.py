@@ -69,11 +69,8 @@ def fix_bodies_in_scene(
     if "" in poses:
         raise InputError("a body with a free joint or a ball has no name; give it one in the file")
     qpos, qvel = _remaining(model, joints)
-    moved = [
-        model.body(body).name
-        for j, body in _bodies(model, joints)
-        if (start != model.qpos0)[_coordinates(model, j)].any()
-    ]
+    differs, names = start != model.qpos0, {j: model.body(body).name for j, body in _bodies(model, joints)}
+    moved = tuple(name for j, name in names.items() if differs[_coordinates(model, j)].any())
     keyframes: dict[str, dict[str, Any]] = {}
     for k, keyframe in enumerate(list(spec.keys)):
         state = {name: getattr(model, f"key_{name}")[k].copy() for name in ("act", "ctrl", "mpos", "mquat")}
@@ -85,8 +82,8 @@ def fix_bodies_in_scene(
     excluded = tuple((pair.bodyname1, pair.bodyname2) for pair in spec.excludes[own_pairs:])
     for name, state in keyframes.items():
         spec.add_key(name=name, **state)
-    order = {model.body(body).name: j - int(model.body_jntadr[body]) for j, body in _bodies(model, joints)}
-    return FixedBodies(joints, poses, order, tuple(moved), qpos, qvel, excluded)
+    order = {name: j - int(model.body(name).jntadr[0]) for j, name in names.items()}
+    return FixedBodies(joints, poses, order, moved, qpos, qvel, excluded)
 
 
 def fix_bodies(spec: mujoco.MjSpec, model: mujoco.MjModel, joints: Sequence[int], qpos: Array) -> Array:

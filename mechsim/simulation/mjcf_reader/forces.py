@@ -17,6 +17,7 @@ from mechsim.mechanism.forces import Forces, Friction, JointSpring, LinkPoint, L
 from mechsim.mechanism.links import GROUND, vector
 from mechsim.mechanism.load_profile import constant
 from mechsim.numerics.arrays import Array
+from mechsim.simulation.equality_rows import line_of
 from mechsim.simulation.mjcf_reader.coordinates import (
     ON_JOINT,
     ON_TENDON,
@@ -38,7 +39,7 @@ BIASES = int(mujoco.mjtBias.mjBIAS_NONE), int(mujoco.mjtBias.mjBIAS_AFFINE)
 PID, DC_MOTOR = (int(getattr(mujoco.mjtGain, f"mjGAIN_{name}", -1)) for name in ("PID", "DCMOTOR"))
 _STATES = "NONE", "INTEGRATOR", "FILTER", "FILTEREXACT"
 DYNAMICS = tuple(int(getattr(mujoco.mjtDyn, f"mjDYN_{name}")) for name in _STATES)
-SITE, JOINT = int(mujoco.mjtWrap.mjWRAP_SITE), int(mujoco.mjtWrap.mjWRAP_JOINT)
+JOINT = int(mujoco.mjtWrap.mjWRAP_JOINT)
 # number of groups of actuators that `actuatorgroupdisable` can switch off: 0 to 30 (MuJoCo, XML reference)
 GROUPS = 31
 # flag -> what it switches off
@@ -143,12 +144,10 @@ def _text(stretch: str, stiffness: Sequence[float], damping: Sequence[float]) ->
 
 def _line(model: mujoco.MjModel, carriers: Sequence[Carrier], t: int) -> Line | None:
     """Return the ends of a tendon that is a line between two sites; None for another."""
-    wraps = slice(model.tendon_adr[t], model.tendon_adr[t] + model.tendon_num[t])
-    if model.wrap_type[wraps].tolist() != [SITE, SITE]:
+    line = line_of(model, t)
+    if line is None:
         return None
-    sites = model.wrap_objid[wraps]
-    links = [carriers[body] for body in model.site_bodyid[sites].tolist()]
-    a, b = ((c.link, c.point(local)) for c, local in zip(links, model.site_pos[sites], strict=True))
+    a, b = ((carriers[body].link, carriers[body].point(local)) for body, local in zip(*line, strict=True))
     return a, b
 
 
@@ -226,9 +225,8 @@ def _actuator(
     unread = (line and rotor) or any(_powers(model, "actuator_damping", i))
     if transmission is None or unread or not (affine or regulated):
         return None
-    gain, bias = model.actuator_gainprm[i, :3].copy(), model.actuator_biasprm[i, :3].copy()
+    gain, bias = model.actuator_gainprm[i, :3].copy(), model.actuator_biasprm[i, :3] * (kinds[1] == BIASES[1])
     gain[1:] *= kinds[0] == GAINS[1]
-    bias *= kinds[1] == BIASES[1]
     first = int(model.actuator_ctrladr[i]) if hasattr(model, "actuator_ctrladr") else i
     inflow, direct = None, (0.0, 0.0)
     if regulated:

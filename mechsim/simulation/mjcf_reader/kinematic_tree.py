@@ -1,9 +1,10 @@
-"""Links and joints of a model's kinematic tree.
+"""Links and joints of a model's kinematic tree, and the inertias of its links.
 
 Virtual links, whose names begin with `VIRTUAL_PREFIX`, lie between several joints of one body.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
@@ -17,12 +18,15 @@ from mechsim.mechanism.links import (
     IDENTITY,
     ORIGIN,
     VIRTUAL_PREFIX,
+    Inertia,
     Link,
     Pose,
     Vector,
+    combine,
+    rows,
     vector,
 )
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import ROUNDING, Array
 from mechsim.simulation.state import BALL, FREE, HINGE, SLIDE, rotation_matrix
 
 
@@ -50,9 +54,8 @@ def carriers(model: mujoco.MjModel) -> list[Carrier]:
             result.append(Carrier(link_name(model, body), IDENTITY))
         else:
             parent = result[model.body_parentid[body]]
-            result.append(
-                Carrier(parent.link, shifted(parent.pose, model.body_pos[body], model.body_quat[body]))
-            )
+            pose = shifted(parent.pose, model.body_pos[body], model.body_quat[body])
+            result.append(Carrier(parent.link, pose))
     return result
 
 
@@ -120,21 +123,18 @@ def _joint(model: mujoco.MjModel, j: int, parent: Carrier, child: Carrier) -> Jo
     point = model.jnt_pos[j]
     if joint_kind.ball:
         axes = (parent.direction(np.array(axis)) for axis in (EZ, EX))
-        return Joint(
-            name, kind, End(parent.link, parent.point(point), *axes), End(child.link, vector(point), EZ, EX)
-        )
-    plain = End(child.link, vector(point), vector(model.jnt_axis[j]))
-    axis, reference = np.array(plain.axis), np.array(plain.reference)
+        a = End(parent.link, parent.point(point), *axes)
+        return Joint(name, kind, a, End(child.link, vector(point), EZ, EX))
+    b = End(child.link, vector(point), vector(model.jnt_axis[j]))
+    axis, reference = np.array(b.axis), np.array(b.reference)
     zero = float(model.qpos0[model.jnt_qposadr[j]])
-    start = -zero * axis if joint_kind.slides else np.zeros(3)
-    a = End(parent.link, parent.point(point + start), parent.direction(axis), parent.direction(reference))
-    rotated_mark = np.cos(zero) * reference + np.sin(zero) * np.cross(axis, reference)
-    return Joint(
-        name,
-        kind,
-        a,
-        plain if joint_kind.slides else End(child.link, plain.point, plain.axis, vector(rotated_mark)),
-    )
+    if joint_kind.slides:
+        point = point - zero * axis
+    else:
+        direction = np.cos(zero) * reference + np.sin(zero) * np.cross(axis, reference)
+        b = replace(b, reference=vector(direction))
+    a = End(parent.link, parent.point(point), parent.direction(axis), parent.direction(reference))
+    return Joint(name, kind, a, b)
 
 
 def poses(model: mujoco.MjModel, tree: KinematicTree, qpos: Array) -> dict[str, Pose]:
@@ -159,3 +159,35 @@ def _displaced(joint: Joint, qpos: Array) -> tuple[Vector, Array]:
         return ORIGIN, rotation_matrix(qpos[:4])
     shift, rotation_ = displaced(kind, (float(qpos[0]),), joint.cross_angle)
     return vector(shift), rotation_
+
+
+def with_inertias(
+    model: mujoco.MjModel, links: Sequence[Link], carriers: Sequence[Carrier], raised: float
+) -> tuple[Link, ...]:
+    """Return links with the inertias of all their bodies.
+
+    Args:
+        model: the compiled model.
+        links: the moving links.
+        carriers: carrier of each body, the world first.
+        raised: mass in [kg] assigned to massless bodies; 0 if there are none.
+    """
+    bodies = {link.name: list[int]() for link in links}
+    for i, carrier in enumerate(carriers):
+        if carrier.link in bodies:
+            bodies[carrier.link].append(i)
+    if not any(model.body_mass[i] > 0.0 for own in bodies.values() for i in own):
+        return tuple(links)
+
+    def inertia(own: Sequence[int]) -> Inertia:
+        """Return the inertia of the bodies on one link, in its frame."""
+        inertias: list[Inertia] = []
+        for i in own if any(model.body_mass[i] > 0.0 for i in own) else ():
+            axes = carriers[i].pose.rotation @ rotation_matrix(model.body_iquat[i])
+            moments = rows(axes @ np.diag(model.body_inertia[i]) @ axes.T)
+            centre = carriers[i].point(model.body_ipos[i])
+            inertias.append(Inertia(float(model.body_mass[i]), centre, moments))
+        whole = combine(inertias)
+        return replace(whole, negligible=not whole.mass > raised * len(own) * (1.0 + ROUNDING))
+
+    return tuple(replace(link, inertia=inertia(bodies[link.name])) for link in links)

@@ -214,6 +214,10 @@ def _spec_of_model(model: mujoco.MjModel) -> mujoco.MjSpec:
 
     The saved XML has six digits; the exact numbers come from the model.
     """
+    unknown = InputError(
+        f"{model_label(model)} is not the model that MuJoCo loaded last from XML, so that its "
+        "specification is unknown; give the MjSpec or the file"
+    )
     try:
         with tempfile.TemporaryDirectory() as folder:
             path = os.path.join(folder, "model.xml")
@@ -223,12 +227,9 @@ def _spec_of_model(model: mujoco.MjModel) -> mujoco.MjSpec:
         spec.copy_back(model)
         same = bytes(compiled(spec).names) == bytes(model.names)
     except (mujoco.FatalError, ValueError):
-        spec, same = None, False
-    if spec is None or not same:
-        raise InputError(
-            f"{model_label(model)} is not the model that MuJoCo loaded last from XML, so that its "
-            "specification is unknown; give the MjSpec or the file"
-        )
+        raise unknown from None
+    if not same:
+        raise unknown
     return spec
 
 
@@ -284,10 +285,7 @@ def initial_qpos(path: str, model: mujoco.MjModel, key: str | None) -> Array:
 def name_elements(spec: mujoco.MjSpec) -> None:
     """Name unnamed bodies, joints and equalities; rename a body that has the name of the frame."""
     bodies = list(spec.bodies)[1:]
-    names = {GROUND, "world", *(body.name for body in bodies)}
-    for number, body in enumerate(bodies, 1):
-        if not body.name:
-            body.name = _free(f"body{number}", names)
+    name_unnamed(bodies, [f"body{number}" for number in range(1, len(bodies) + 1)], {GROUND, "world"})
     joints = [joint for body in bodies for joint in body.joints]
     name_unnamed(joints, [f"{joint.parent.name}_joint" for joint in joints])
     equalities = list(spec.equalities)
@@ -301,20 +299,12 @@ def name_elements(spec: mujoco.MjSpec) -> None:
     name_unnamed(equalities, proposed)
 
 
-def name_unnamed(elements: Iterable[Any], proposed: Iterable[str]) -> None:
-    """Give unnamed elements the proposed names, numbered where these are in use."""
+def name_unnamed(elements: Iterable[Any], proposed: Iterable[str], reserved: Iterable[str] = ()) -> None:
+    """Give unnamed elements the proposed names, numbered where these are in use or reserved."""
     elements = list(elements)
-    names = {element.name for element in elements}
+    names = {*reserved, *(element.name for element in elements)}
     for element, name in zip(elements, proposed, strict=True):
         if not element.name:
-            element.name = _free(name, names)
-
-
-def _free(name: str, names: set[str]) -> str:
-    """Return an unused name and add it to the names."""
-    free, count = name, 1
-    while free in names:
-        count += 1
-        free = f"{name}{count}"
-    names.add(free)
-    return free
+            numbered = (name, *(f"{name}{count}" for count in range(2, len(names) + 3)))
+            element.name = next(free for free in numbered if free not in names)
+            names.add(element.name)

@@ -32,12 +32,12 @@ from mechsim.simulation.mjcf_reader.fixed_bodies import (
     free_joints,
 )
 from mechsim.simulation.mjcf_reader.forces import forces_of_model
-from mechsim.simulation.mjcf_reader.inertias import with_inertias
 from mechsim.simulation.mjcf_reader.kinematic_tree import (
     KinematicTree,
     kinematic_tree,
     link_name,
     poses,
+    with_inertias,
 )
 from mechsim.simulation.mjcf_reader.mjcf_model import MjcfModel
 from mechsim.simulation.mjcf_reader.parsed_file import (
@@ -65,18 +65,15 @@ from mechsim.simulation.state import (
 
 def with_outlines(model: mujoco.MjModel, chain: KinematicTree) -> tuple[Link, ...]:
     """Return the moving links, with points of their geoms if the joints of each link share one point."""
-    joint_points = {link.name: set[Vector]() for link in chain.links}
-    for joint in chain.joints:
-        for end in (joint.a, joint.b):
-            joint_points.setdefault(end.link, set()).add(end.point)
-    joint_points.pop(GROUND, None)
-    if any(len(points) > 1 for points in joint_points.values()):
+    ends = {(end.link, end.point) for joint in chain.joints for end in (joint.a, joint.b)}
+    moving = [link for link, _ in ends if link != GROUND]
+    if len(moving) > len({*moving}):
         return chain.links
     outlines = {link.name: list[Vector]() for link in chain.links}
     for body, carrier in enumerate(chain.carriers):
         if carrier.link in outlines:
-            joint_points = [model.body_ipos[body], *_corners(model, body)]
-            outlines[carrier.link] += [carrier.point(point) for point in joint_points]
+            points = (model.body_ipos[body], *_corners(model, body))
+            outlines[carrier.link] += [carrier.point(point) for point in points]
     return tuple(Link(link.name, tuple(outlines[link.name])) for link in chain.links)
 
 
