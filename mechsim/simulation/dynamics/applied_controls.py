@@ -3,7 +3,7 @@
 import copy
 import ctypes
 from collections.abc import Callable, Generator, Iterable, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from typing import Literal
 
@@ -168,15 +168,11 @@ class AppliedControls:
 
     def _compiled(self) -> CallbackData | None:
         """Return the forces in C; None if none varies, without a compiler, or with a function in Python."""
-        controllers = self.controllers
-        both = zip(controllers.addresses.values(), controllers.dofs.values(), strict=True)
-        coordinates = dict(zip(controllers.addresses, both, strict=True))
-        if self.constant:
-            return None
-        try:
-            return compiled_controls(self.model, coordinates, controllers.others, self.crank)
-        except (NotCompiledError, MissingToolError, OutputError):
-            return None
+        if not self.constant:
+            coordinates, others = self.controllers.coordinates, self.controllers.others
+            with suppress(NotCompiledError, MissingToolError, OutputError):
+                return compiled_controls(self.model, coordinates, others, self.crank)
+        return None
 
 
 class ImpactMemory:
@@ -233,21 +229,18 @@ class Controllers:
                 self.others.append((model.actuators.actuators.start + i, states, actuator))
             states += actuator.inflow is not None
         names = sorted(model.forces.controlled)
-        addresses, dofs = dofs_of(model, dict.fromkeys(names, 0.0))
-        self.addresses, self.dofs = (
-            dict(zip(names, addresses, strict=True)),
-            dict(zip(names, dofs, strict=True)),
-        )
+        # coordinate -> its address in qpos and its degree of freedom
+        self.coordinates = dict(zip(names, zip(*dofs_of(model, names), strict=True), strict=True))
 
     def apply(self, data: mujoco.MjData) -> None:
         """Set the applied forces at MuJoCo's state."""
         if not (self.used or self.others):
             return
-        values = {name: data.qpos[address] for name, address in self.addresses.items()}
-        rates = {name: data.qvel[dof] for name, dof in self.dofs.items()}
+        values = {name: data.qpos[address] for name, (address, _) in self.coordinates.items()}
+        rates = {name: data.qvel[dof] for name, (_, dof) in self.coordinates.items()}
         for controller in self.used:
             effort = controller.effort(values, rates, np.array([data.time]))
-            data.qfrc_applied[self.dofs[controller.coordinate]] += float(effort[0])
+            data.qfrc_applied[self.coordinates[controller.coordinate][1]] += float(effort[0])
         for number, state, actuator in self.others:
             control = actuator.input(np.array(data.time))
             length, speed = data.actuator_length[number], data.actuator_velocity[number]
@@ -274,7 +267,7 @@ class Drives:
 
     def __init__(self, model: LoadedModel, stepped: mujoco.MjModel, laws: Mapping[str, State]) -> None:
         self.names, self.laws, self.stepped = tuple(laws), tuple(laws.values()), stepped
-        self.dofs = np.array(dofs_of(model, dict.fromkeys(laws, 0.0))[1], dtype=np.int64)
+        self.dofs = np.array(dofs_of(model, laws)[1], dtype=np.int64)
         self.scratch = mujoco.MjData(stepped)
         self.evaluating = False
         self.forces, self.others = np.zeros(len(laws)), np.zeros(stepped.nv)
@@ -300,8 +293,7 @@ class Drives:
         self.scratch.qfrc_applied[:] = self.others
         self.scratch.qfrc_applied[self.dofs] += forces
         mujoco.mj_forward(self.stepped, self.scratch)
-        accelerations: Array = self.scratch.qacc[self.dofs].copy()
-        return accelerations
+        return np.array(self.scratch.qacc[self.dofs])
 
 
 def dofs_of(model: LoadedModel, names: Iterable[str]) -> tuple[list[int], list[int]]:

@@ -295,7 +295,7 @@ def _independent(model: LoadedModel, names: Sequence[str]) -> list[str]:
     free = null_space(jacobian).T if len(jacobian) else np.eye(model.model.nv)
     chosen = list[str]()
     for name in names:
-        rows = free[dofs_of(model, dict.fromkeys([*chosen, name], 0.0))[1]]
+        rows = free[dofs_of(model, [*chosen, name])[1]]
         if np.linalg.matrix_rank(rows, RANK_TOLERANCE) > len(chosen):
             chosen.append(name)
     return chosen

@@ -1,7 +1,7 @@
 """Drive torque and joint reactions of states whose accelerations are known, from MuJoCo's own dynamics."""
 
 import copy
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import mujoco
@@ -99,10 +99,9 @@ def crank_tangent(loaded: LoadedModel, qpos: Array, inertia: Array) -> Array:
     A link whose spin is undetermined then has no momentum about its own axis.
     """
     _, jacobian = loaded.loops.linearise(qpos)
-    rows = _constraint_rows(loaded, jacobian)
-    right = np.zeros(rows.shape[:2])
+    right = np.zeros((len(jacobian), jacobian.shape[1] + 1))
     right[:, -1] = 1.0
-    return _least(rows, row_scale(loaded, rows.shape[1]), inertia, right)[0]
+    return _least(loaded, jacobian, inertia, right)[0]
 
 
 def drive_and_constraint_forces(
@@ -117,8 +116,7 @@ def drive_and_constraint_forces(
     opened = closure_acceleration(loaded.loops, state.states, state.plain["qacc"], links)
     lacking = crank_acceleration - state.plain["qacc"][:, loaded.loops.crank]
     right = np.concatenate([-opened, lacking[:, None]], 1)
-    rows = _constraint_rows(loaded, state.jacobian)
-    change, multipliers = _least(rows, row_scale(loaded, rows.shape[1]), state.plain["inertia"], right)
+    change, multipliers = _least(loaded, state.jacobian, state.plain["inertia"], right)
     return state.plain["qacc"] + change, multipliers[:, :-1], multipliers[:, -1]
 
 
@@ -159,17 +157,24 @@ def force_record(
     """Return all transmitted forces; MuJoCo propagates applied wrenches through the tree."""
     n, crank = len(qacc), loaded.loops.crank
     drive_forces = loaded.nothing(n)
-    driven = loaded.loops.drivers
+    # the rows of couplings, with those of locked coordinates after them, and of drivers
+    coupled_rows, driven = multipliers[:, loaded.loops.coupled_rows].T, loaded.loops.drivers
+    holds = dict(zip(loaded.mechanism.locked, coupled_rows[len(loaded.mechanism.laws) :], strict=False))
+    drives: dict[str, Array] = {}
     if driven is None:
         drive_forces.generalised[:, crank] = torque
     else:
         drive_forces.generalised[:, driven.dofs] = multipliers[:, loaded.loops.driven_rows]
+        drives = dict(zip(driven.names, multipliers[:, loaded.loops.driven_rows].T, strict=True)) | holds
     placed = native(loaded.model, state.plain)
     loops = loop_forces(loaded, state.plain, multipliers)
     coupled = coupling_forces(loaded, state.plain, state.jacobian, multipliers)
     everything = together(state.outer, placed, loops, coupled, drive_forces)
     fields = loaded.look(loaded.looking(native=False), state.states, everything)
     lost, outer, motor = powers(loaded, state)
+    # twice the energy of springs in revolute joints, which MuJoCo's energy omits
+    angular = np.where(loaded.model.actuator_trntype == SITE, -loaded.model.actuator_biasprm[:, 1], 0.0)
+    wound = (angular * state.plain["actuator_length"] ** 2).sum(1)
     rates = state.states.qvel
     # scale of the residual: accelerations are zero in uniform rotation and tiny in slow motion, so the square
     # of the crank speed and the accelerations with open loops count too
@@ -188,27 +193,20 @@ def force_record(
         },
         gears=forces_of_couplings(loaded, multipliers),
         meshes=mesh_forces(loaded, state.plain, multipliers),
-        drives=_drives(loaded, multipliers),
-        locked=_holds(loaded, multipliers) if driven is None else {},
-        drive_accelerations=_drive_accelerations(loaded, qacc),
+        drives=drives,
+        locked=holds if driven is None else {},
+        drive_accelerations={}
+        if driven is None
+        else dict(zip(driven.names, qacc[:, driven.dofs].T, strict=True)),
         straight=loaded.mechanism.straight,
         kinetic=_kinetic(loaded, rates, state.plain),
-        potential=state.plain["energy"][:, 0]
-        + _wound(loaded, state.plain)
-        + stored_and_lost(loaded, state.plain)[0],
+        potential=state.plain["energy"][:, 0] + 0.5 * wound + stored_and_lost(loaded, state.plain)[0],
         power_in=torque * rates[:, crank] + motor,
         power_loads=outer,
         power_lost=lost,
         residual=np.abs(fields["qacc"] - qacc).max(1) / largest,
         sliding=sliding(loaded, state.plain, rates),
     )
-
-
-def _constraint_rows(loaded: LoadedModel, jacobian: Array) -> Array:
-    """Return the loops' Jacobian with a last row for the crank, (n, m + 1, nv)."""
-    row = np.zeros((len(jacobian), 1, loaded.model.nv))
-    row[..., loaded.loops.crank] = 1.0
-    return np.concatenate([jacobian, row], 1)
 
 
 def row_scale(loaded: LoadedModel, rows: int) -> Array:
@@ -218,25 +216,22 @@ def row_scale(loaded: LoadedModel, rows: int) -> Array:
     return scale
 
 
-def _least(rows: Array, scale: Array, inertia: Array, right: Array) -> tuple[Array, Array]:
-    """Solve rows x = right, M x = rows^T multipliers: x with least x^T M x, (n, nv), and multipliers, (n, m).
+def _least(loaded: LoadedModel, jacobian: Array, inertia: Array, right: Array) -> tuple[Array, Array]:
+    """Solve A x = right, M x = A^T multipliers: x with least x^T M x, (n, nv), and multipliers, (n, m + 1).
 
-    For redundant rows the multipliers have the least norm, with rows scaled by `scale` (m,).
+    A consists of the loops' Jacobian, (n, m, nv), and a last row for the crank. For redundant rows the
+    multipliers have the least norm, with rows scaled by `row_scale`.
     """
+    crank = np.broadcast_to(np.eye(loaded.model.nv)[loaded.loops.crank], (len(jacobian), 1, loaded.model.nv))
+    rows, scale = np.concatenate([jacobian, crank], 1), row_scale(loaded, jacobian.shape[1] + 1)
     lower = np.linalg.cholesky(inertia)
-    weighted = np.swapaxes(np.linalg.solve(lower, np.swapaxes(rows, 1, 2)), 1, 2)
-    weighted = weighted * scale[:, None]
+    weighted = np.swapaxes(np.linalg.solve(lower, np.swapaxes(rows, 1, 2)), 1, 2) * scale[:, None]
     u, values, vt = np.linalg.svd(weighted, full_matrices=False)
     kept = values > RANK_TOLERANCE * values[:, :1]
     inverse = np.where(kept, 1.0 / np.where(kept, values, 1.0), 0.0)
     scaled = inverse * (np.swapaxes(u, 1, 2) @ (scale * right)[..., None])[..., 0]
     x = np.linalg.solve(np.swapaxes(lower, 1, 2), np.swapaxes(vt, 1, 2) @ scaled[..., None])[..., 0]
     return np.asarray(x, dtype=np.float64), scale * (u @ (inverse * scaled)[..., None])[..., 0]
-
-
-def _drive_accelerations(loaded: LoadedModel, qacc: Array) -> dict[str, Array]:
-    drivers = loaded.loops.drivers
-    return {} if drivers is None else dict(zip(drivers.names, qacc[:, drivers.dofs].T, strict=True))
 
 
 def _kinetic(loaded: LoadedModel, rates: Array, plain: Fields) -> Array:
@@ -260,34 +255,8 @@ def _kinetic(loaded: LoadedModel, rates: Array, plain: Fields) -> Array:
 
 def forces_of_couplings(loaded: LoadedModel, multipliers: Array) -> dict[str, Array]:
     """Return the force of each coupling on its driven side, (n,), from multipliers (n, m)."""
-    return _coupled(loaded, multipliers, [*loaded.mechanism.named_laws], 0)
-
-
-def _coupled(loaded: LoadedModel, multipliers: Array, names: Sequence[str], after: int) -> dict[str, Array]:
-    """Return the forces of coupled coordinates; `names` belong to the coupled rows from `after` on."""
-    first = loaded.loops.coupled_rows.start + after
-    return {name: multipliers[:, first + i] for i, name in enumerate(names)}
-
-
-def _drives(loaded: LoadedModel, multipliers: Array) -> dict[str, Array]:
-    """Return the force of each driver and locked coordinate; nothing if a crank is driven."""
-    drivers = loaded.loops.drivers
-    if drivers is None:
-        return {}
-    forces = multipliers[:, loaded.loops.driven_rows].T
-    return {**dict(zip(drivers.names, forces, strict=True)), **_holds(loaded, multipliers)}
-
-
-def _holds(loaded: LoadedModel, multipliers: Array) -> dict[str, Array]:
-    """Return the force of each locked coordinate."""
-    return _coupled(loaded, multipliers, [*loaded.mechanism.locked], len(loaded.mechanism.laws))
-
-
-def _wound(loaded: LoadedModel, fields: Fields) -> Array:
-    """Return the energy of springs in revolute joints, which MuJoCo's energy omits, (n,) in [J]."""
-    model = loaded.model
-    stiffness = np.where(model.actuator_trntype == SITE, -model.actuator_biasprm[:, 1], 0.0)
-    return 0.5 * (stiffness * fields["actuator_length"] ** 2).sum(1)
+    forces = multipliers[:, loaded.loops.coupled_rows].T
+    return dict(zip(loaded.mechanism.named_laws, forces, strict=False))
 
 
 def stored_and_lost(loaded: LoadedModel, fields: Fields) -> tuple[Array, Array]:
@@ -516,15 +485,13 @@ def _coupling_accelerations(loaded: LoadedModel, state: LoadedState) -> Array:
     couplings, rods = loaded.loops.couplings, loaded.loops.rods
     if not any(row.nonlinear for row in (*couplings, *rods)):
         return np.zeros_like(state.states.qvel)
-    constraints = _constraint_rows(loaded, state.jacobian)
-    right = np.zeros(constraints.shape[:2])
-    qacc = state.plain["qacc"]
+    right, qacc = np.zeros((len(state.jacobian), state.jacobian.shape[1] + 1)), state.plain["qacc"]
     links = link_motions(loaded.model, loaded.track, state.plain)
     opened = closure_acceleration(loaded.loops, state.states, qacc, links)
     for rows in (loaded.loops.rod_rows, loaded.loops.coupled_rows):
         moved = (state.jacobian[:, rows] @ qacc[..., None])[..., 0]
         right[:, rows] = moved - opened[:, rows]
-    return _least(constraints, row_scale(loaded, constraints.shape[1]), state.plain["inertia"], right)[0]
+    return _least(loaded, state.jacobian, state.plain["inertia"], right)[0]
 
 
 def stiffen_friction(model: mujoco.MjModel, timestep: float, compliance: float = 1.0) -> None:

@@ -79,40 +79,28 @@ class RubbingCoordinate:
 
 def rubbing_coordinates(loaded: LoadedModel, fields: Fields) -> list[RubbingCoordinate]:
     """Return the coordinates with friction by their load at the states of MuJoCo's fields."""
-    return [
-        _coordinate(loaded, fields, friction, *row)
-        for friction in loaded.forces.friction
-        for row in friction.loaded(loaded.mechanism)
+    rows = [
+        (friction, *row) for friction in loaded.forces.friction for row in friction.loaded(loaded.mechanism)
     ]
-
-
-def _coordinate(
-    loaded: LoadedModel,
-    fields: Fields,
-    friction: Friction,
-    joint: Joint,
-    number: int,
-    index: int,
-    coulomb: float,
-) -> RubbingCoordinate:
-    kind = KINDS[joint.kind]
     links = {GROUND: resting(len(fields["qacc"])), **link_motions(loaded.model, loaded.track, fields)}
-    a, b = links[joint.a.link], links[joint.b.link]
-    frame = a.rotation @ joint.a.frame
-    start, first, _ = point_rates(a, np.asarray(joint.a.point))
-    point, second, _ = point_rates(b, np.asarray(joint.b.point))
-    spin = b.angular_velocity - a.angular_velocity
-    turns = index >= len(kind.slides)
-    if kind.ball:
-        rate = spin
-    else:
-        axis = frame[..., 2 if turns else COLUMN[kind.slides[index]]]
-        moved = spin if turns else second - first - np.cross(a.angular_velocity, point - start)
-        rate = axis * (axis * moved).sum(1)[:, None]
-    speed = np.sqrt((rate**2).sum(1))
-    slow = speed <= STILL * speed.max(initial=0.0)
-    along = -rate / np.where(slow, np.inf, speed)[:, None]
-    return RubbingCoordinate(friction, joint, number, coulomb, frame[..., 2], along, speed, turns, point)
+    coordinates: list[RubbingCoordinate] = []
+    for friction, joint, number, index, coulomb in rows:
+        kind, a, b = KINDS[joint.kind], links[joint.a.link], links[joint.b.link]
+        frame = a.rotation @ joint.a.frame
+        start, first, _ = point_rates(a, np.asarray(joint.a.point))
+        point, second, _ = point_rates(b, np.asarray(joint.b.point))
+        turns, rate = index >= len(kind.slides), b.angular_velocity - a.angular_velocity
+        if not kind.ball:
+            axis = frame[..., 2 if turns else COLUMN[kind.slides[index]]]
+            moved = rate if turns else second - first - np.cross(a.angular_velocity, point - start)
+            rate = axis * (axis * moved).sum(1)[:, None]
+        speed = np.sqrt((rate**2).sum(1))
+        slow = speed <= STILL * speed.max(initial=0.0)
+        along = -rate / np.where(slow, np.inf, speed)[:, None]
+        coordinates.append(
+            RubbingCoordinate(friction, joint, number, coulomb, frame[..., 2], along, speed, turns, point)
+        )
+    return coordinates
 
 
 def friction_of_state(
