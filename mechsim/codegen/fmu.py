@@ -209,11 +209,8 @@ def _root(model: FmuModel, standard: Standard) -> ElementTree.Element:
     attributes = {"fmiVersion": f"{standard}.0", "modelName": model.name, token: model.token}
     attributes |= {"generationTool": f"mechsim {__version__}", "variableNamingConvention": "flat"}
     root = ElementTree.Element("fmiModelDescription", attributes)
-    both = {
-        "modelIdentifier": model.identifier,
-        f"canGetAndSet{state}": "true",
-        f"canSerialize{state}": "true",
-    }
+    both = dict.fromkeys((f"canGetAndSet{state}", f"canSerialize{state}"), "true")
+    both = {"modelIdentifier": model.identifier, **both}
     exchange = ElementTree.SubElement(root, "ModelExchange", both)
     simulation = ElementTree.SubElement(root, "CoSimulation", both)
     simulation.set("canHandleVariableCommunicationStepSize", "true")

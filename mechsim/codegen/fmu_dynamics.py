@@ -284,9 +284,7 @@ def _tables(
     yield f"    .torque = {_number(data.torque)},\n    .torque_slope = {_number(data.torque_slope)}}};\n"
     yield "static void connect(Model *model, const Tables *tables) {"
     yield from (f"    model->{name} = {count};" for name, count in counts.items())
-    yield from (
-        f"    model->{name} = tables->{name};" if name in flat else f"    model->{name} = NULL;"
-        for name in TABLES
-    )
+    for name in TABLES:
+        yield f"    model->{name} = {f'tables->{name}' if name in flat else 'NULL'};"
     yield "    memcpy(model->gravity, tables->gravity, sizeof tables->gravity);"
     yield "    model->torque = tables->torque, model->torque_slope = tables->torque_slope;\n}\n"

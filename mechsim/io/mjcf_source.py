@@ -98,18 +98,13 @@ def read_mjcf(source: "MujocoInput", request: Prescription = AS_WRITTEN) -> Kine
     if initial.note or request.start:
         model = replace(model, qpos=state_of(model, initial.mechanism))
     mechanism = replace(_with_locked_guess(initial.mechanism), up=against(model.forces.gravity) or "z")
+    facts = [*model.remarks, *printed(model.unread), *_initial_gap(model, request.key), *exact.facts]
     return KinematicSolver(
         mechanism,
         forces=model.forces,
         source=model,
         ranges=model.limits,
-        facts=(
-            *model.remarks,
-            *printed(model.unread),
-            *_initial_gap(model, request.key),
-            *exact.facts,
-            *filter(None, [initial.note]),
-        ),
+        facts=(*facts, *filter(None, [initial.note])),
         corrected=(exact.moved, exact.rotated),
     )
 

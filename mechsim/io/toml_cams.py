@@ -120,12 +120,8 @@ def cam_joints(
     guide, lifted = f"{VIRTUAL_PREFIX}{name}.guide", f"{VIRTUAL_PREFIX}{name}"
     back, flat = {"axis": [0.0, 0.0, -1.0]}, cam.kind == "flat"
     if cam.motion == "translating":
-        kind, along, position = (
-            "prismatic",
-            {"axis": [0.0, 1.0, 0.0]},
-            (0.0 if flat else cam.offset, cam.start),
-        )
-        start, contact = along, (0.0, 0.0)
+        kind, along = "prismatic", {"axis": [0.0, 1.0, 0.0]}
+        position, start, contact = (0.0 if flat else cam.offset, cam.start), along, (0.0, 0.0)
     else:
         kind, along, position = "revolute", back, (cam.centre_distance, 0.0)
         start = along | {"reference": [-np.cos(cam.start), np.sin(cam.start), 0.0]}

@@ -70,14 +70,8 @@ class FileMotionLaw:
         values = self.coordinates.values
         text = values.source.sibling(self.text) if is_table(self.text) else self.text
         with values.source.error_context(self.path):
-            return parse_motion_law(
-                text,
-                name,
-                unit,
-                start,
-                default_unit=values.in_si(1.0, self.coordinates.units[name]),
-                parameters=values.parameters,
-            )
+            scale, parameters = values.in_si(1.0, self.coordinates.units[name]), values.parameters
+            return parse_motion_law(text, name, unit, start, default_unit=scale, parameters=parameters)
 
 
 @dataclass(frozen=True)

@@ -91,14 +91,9 @@ def _law(values: Values, name: str, entry: Mapping[str, Any], unit: Unit, path: 
             )
         return {"bias": (stall, 0.0, -stall / no_load)}
     written = entry["target"]
-    law = parse_motion_law(
-        written if isinstance(written, str) else f"{written:.17g}+0*t",
-        f"motor {name}",
-        unit,
-        lambda: 0.0,
-        default_unit=values.in_si(1.0, unit),
-        parameters=values.parameters,
-    )
+    text = written if isinstance(written, str) else f"{written:.17g}+0*t"
+    scale, names = values.in_si(1.0, unit), values.parameters
+    law = parse_motion_law(text, f"motor {name}", unit, lambda: 0.0, default_unit=scale, parameters=names)
     # a controller kp e + kd e' + ki w of the error e = target - q, with w' = e
     proportional, derivative = entry["proportional"], entry.get("derivative", 0.0)
     integral = entry.get("integral", 0.0)

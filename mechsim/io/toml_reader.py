@@ -121,11 +121,10 @@ class TomlModel(ModelSource):
         dimensions: dict[str, Dimension] = {}
         for name, value in values.parameters.items():
             unit = values.unit_of(name, texts[name], units_of)
-            dimension = (
-                Dimension(name, value, "1")
-                if unit is None
-                else Dimension(name, values.in_si(value, unit), unit, values.declared_unit(texts[name], unit))
-            )
+            dimension = Dimension(name, value, "1")
+            if unit is not None:
+                declared = values.declared_unit(texts[name], unit)
+                dimension = Dimension(name, values.in_si(value, unit), unit, declared)
             if name in self.source.stated:
                 from mechsim.io.toml_stated import as_stated
 

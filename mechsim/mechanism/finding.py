@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import ClassVar, Literal, TypedDict
+from typing import ClassVar, Literal, TypedDict, get_args
 
 
 class FilePosition(TypedDict):
@@ -91,16 +91,20 @@ def counted_findings(count: int) -> str:
     return f", {count} finding{'s' * (count != 1)}" if count else ""
 
 
-Outcome = Literal[
-    # of a comparison, or of a run with a tolerance
+# outcomes of a comparison, or of a run with a tolerance, from the best to the worst; the last two are of a
+# model with fewer or more independent drivers than degrees of freedom
+Compared = Literal[
     "passed",
     "failed",
     "changed assembly",
     "diverged",
     "cannot assemble",
-    # of a model with fewer or more independent drivers than degrees of freedom
     "underdetermined",
     "overdetermined",
+]
+SEVERITY: tuple[Compared, ...] = get_args(Compared)
+Outcome = Literal[
+    Compared,
     # of a run without a tolerance; "done" reached its end
     "done",
     "time over",
@@ -118,19 +122,9 @@ Outcome = Literal[
 # default tolerance of positions, relative to the stroke: a twentieth of the effect of a link 0.1 % too long
 POSITION_TOLERANCE = 1e-4
 
-# from the best to the worst
-SEVERITY: tuple[Outcome, ...] = (
-    "passed",
-    "failed",
-    "changed assembly",
-    "diverged",
-    "cannot assemble",
-    "underdetermined",
-    "overdetermined",
-)
-
 
 def most_severe(outcomes: Iterable[Outcome]) -> int:
     """Return the index of the worst of several outcomes, the first if several are equal."""
-    ranks = [SEVERITY.index(outcome) for outcome in outcomes]
+    severity: tuple[Outcome, ...] = SEVERITY
+    ranks = [severity.index(outcome) for outcome in outcomes]
     return ranks.index(max(ranks))

@@ -16,7 +16,6 @@ import numpy as np
 from mechsim.errors import InputError
 from mechsim.mechanism.expressions import Evaluator, Term, parse_expression, unit_powers, unit_text
 from mechsim.mechanism.force_record import COMPONENTS, ForceRecord
-from mechsim.mechanism.joint_kinds import FIXED
 from mechsim.mechanism.joint_kinds import KINDS as JOINT_KINDS
 from mechsim.mechanism.link_poses import PARALLEL_TOLERANCE, plane_normals
 from mechsim.mechanism.links import AXES, GROUND
@@ -152,8 +151,7 @@ def coordinate_units(mechanism: Mechanism) -> dict[str, str]:
     return {
         coordinate: unit
         for joint in mechanism.joints
-        if joint.kind != FIXED
-        for coordinate, unit in zip(joint.coordinates, JOINT_KINDS[joint.kind].units, strict=False)
+        for coordinate, unit in zip(joint.coordinates, JOINT_KINDS[joint.kind].units, strict=True)
     }
 
 
