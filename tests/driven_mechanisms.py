@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 from model_files import model_mechanism, stated_mechanism
+from wheel_linkages import about_z
 
 from mechsim import catalog
 from mechsim.mechanism.joints import Coupling, End, Joint
@@ -26,11 +27,6 @@ def sinusoidal(middle, reach, rate, phase=0.0):
         )
 
     return state
-
-
-def rotation_about_z(angle):
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
 def five_bar() -> Mechanism:
@@ -111,7 +107,7 @@ def platform():
 
     def stood(time):
         position = np.array([0.05 * np.sin(time), 0.04 * np.cos(2 * time), 0.5 + 0.06 * np.sin(1.5 * time)])
-        return position, rotation_about_z(0.2 * np.sin(time))
+        return position, about_z(0.2 * np.sin(time))
 
     time = np.linspace(0.0, 3.0, 121)
     lengths = np.array(

@@ -9,13 +9,9 @@ from mechsim import cli
 from mechsim.cli import examples
 
 
-def help_of(name, mechsim):
-    return mechsim(*name.split(), "--help").out
-
-
 @pytest.mark.parametrize("name", cli.COMMANDS)
 def test_help_names_types_fits_eighty_columns_and_ends_with_two_examples(name, mechsim):
-    out = help_of(name, mechsim)
+    out = mechsim(*name.split(), "--help").out
     assert not re.search(r"<(str|int|float|text)>", out)
     assert max(map(len, out.splitlines())) <= 80
     lines = examples(cli.load_command(name).help)

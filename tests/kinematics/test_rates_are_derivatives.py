@@ -17,29 +17,12 @@ SECOND = np.array([-1 / 560, 8 / 315, -1 / 5, 8 / 5, -205 / 72, 8 / 5, -1 / 5, 8
 MIDDLE = 4
 
 
-def rocking_slide() -> ms.Mechanism:
-    """Return a block on a table, driven by a crank pin and guided by a rocker, with inclined axes."""
-    return model_mechanism("rates_are_derivatives_rocking_slide.toml")
-
-
-def bevel_wheels() -> ms.Mechanism:
-    """Return wheels in series on a rotating arm, with inclined axes, geared to the arm."""
-    return model_mechanism("rates_are_derivatives_bevel_wheels.toml")
-
-
-def racks() -> ms.Mechanism:
-    """Return a rack coupled to its rotating arm, and a second rack coupled nonlinearly to the first."""
-    return model_mechanism("rates_are_derivatives_racks.toml")
-
-
-def plate() -> ms.Mechanism:
-    """Return a plate on a wheel on an arm, with a coupling for each of its coordinates."""
-    return model_mechanism("rates_are_derivatives_plate.toml")
-
-
-WITHOUT_GEARS = [*mechanisms.everything(), rocking_slide()]
+WITHOUT_GEARS = [*mechanisms.everything(), model_mechanism("rates_are_derivatives_rocking_slide.toml")]
 # swapping the sides of a coupled joint would reverse its coupling
-KINDS = [*WITHOUT_GEARS, bevel_wheels(), racks(), plate()]
+GEARED = [
+    model_mechanism(f"rates_are_derivatives_{name}.toml") for name in ("bevel_wheels", "racks", "plate")
+]
+KINDS = [*WITHOUT_GEARS, *GEARED]
 EVERY = [*KINDS, *(mechanisms.swapped(item) for item in WITHOUT_GEARS)]
 NAMES = [item.name for item in KINDS] + [f"{item.name}, sides swapped" for item in WITHOUT_GEARS]
 cases = pytest.mark.parametrize("mechanism", EVERY, ids=NAMES)

@@ -235,12 +235,9 @@ def test_the_required_flywheel_limits_the_speed_fluctuation():
     torque = dynamics.prescribed(model, kept.angle, 20.0).forces.torque
     gained = np.cumsum(torque - torque.mean()) * (REVOLUTION / len(torque))
     rule = np.ptp(gained) / (1e-3 * 20.0**2)
-    assert even.flywheel + mean_inertia(model) == pytest.approx(rule, rel=5e-3)
+    inertia = dynamics.reduced(model, np.arange(64) * (REVOLUTION / 64)).inertia
+    assert even.flywheel + inertia.mean() == pytest.approx(rule, rel=5e-3)
     assert dynamics.flywheel_for(model, 20.0, 5.0).flywheel == 0.0
-
-
-def mean_inertia(model):
-    return dynamics.reduced(model, np.arange(64) * (REVOLUTION / 64)).inertia.mean()
 
 
 def test_the_speed_fluctuation_agrees_with_a_free_run():

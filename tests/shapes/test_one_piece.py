@@ -36,11 +36,6 @@ def pieces(shapes, radius):
     return [[i for i, item in enumerate(piece) if item == number] for number in set(piece)]
 
 
-def in_both_orders(joint):
-    """Return a joint, and the same joint with its sides exchanged."""
-    return joint, replace(joint, a=joint.b, b=joint.a)
-
-
 def of_joints(*joints, travel=None, **couplings):
     links = dict.fromkeys(end.link for joint in joints for end in (joint.a, joint.b) if end.link != GROUND)
     outline = ((0.01, 0.003, 0.0), (0.05, -0.013, 0.0))
@@ -59,7 +54,8 @@ TRAVEL = {"held": (0.07, 0.09)}
 def joint_pairs(kind, carrier):
     axis = (0.0, 1.0, 0.0) if kind == "prismatic" else (0.0, 0.0, 1.0)
     ends = End(carrier, (0.03, 0.02, 0.0), axis=axis), End("guest", (0.002, 0.01, 0.0), axis=axis)
-    return in_both_orders(Joint("held", kind, *ends, lead=0.01 if kind == "screw" else 0.0))
+    joint = Joint("held", kind, *ends, lead=0.01 if kind == "screw" else 0.0)
+    return joint, replace(joint, a=joint.b, b=joint.a)
 
 
 @pytest.mark.long

@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 from model_files import model_text
+from wheel_linkages import about_z
 
 from mechsim.simulation.state import PosedBodies, rotated
 
@@ -16,15 +17,10 @@ POINT = np.array([0.02, -0.05, 0.07])
 STATES = np.array([[0.4, 0.11], [-1.3, 0.02], [2.2, -0.07]])
 
 
-def rotation_about_z(angle):
-    c, s = math.cos(angle), math.sin(angle)
-    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-
-
 def assert_posed(posed, states, pivots):
     positions, rotations, gradient = posed.poses(states)
     pivots = np.broadcast_to(pivots, (len(states), 3))
-    turns = np.array([rotation_about_z(angle) for angle, _ in states])
+    turns = np.array([about_z(angle) for angle, _ in states])
     arms = turns @ (OFFSET + states[:, 1:] * DIRECTION)[..., None]
     np.testing.assert_allclose(positions[:, 1], pivots, rtol=0, atol=1e-15)
     np.testing.assert_allclose(positions[:, 2], pivots + arms[..., 0], rtol=0, atol=1e-15)
@@ -45,7 +41,7 @@ def test_poses_and_jacobians_equal_manual_formulas(n):
 
 
 def test_vectors_rotate_with_their_bodies():
-    rotations = np.array([rotation_about_z(0.0), rotation_about_z(math.pi / 2.0)])
+    rotations = np.array([about_z(0.0), about_z(math.pi / 2.0)])
     np.testing.assert_allclose(rotated(rotations, POINT), [POINT, [0.05, 0.02, 0.07]], atol=1e-17)
     each = np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]])
     np.testing.assert_allclose(rotated(rotations, each), [each[0], [-5.0, 4.0, 6.0]], atol=1e-15)

@@ -25,15 +25,10 @@ def test_a_changed_design_has_the_same_assembly_in_solve_and_sweep(tmp_path, sta
         assert np.linalg.norm(solved - [base, 0.0, 0.0]) == pytest.approx(0.03, abs=1e-12)
 
 
-def platform(height: float) -> ms.Mechanism:
-    """Return a plate on six rods from fixed arms, whose height alone is stated."""
-    return stated_mechanism("one_assembly_platform.toml", height=height)
-
-
 @pytest.mark.long
 @pytest.mark.parametrize("height", [0.25, -0.25])
 def test_a_stated_pose_is_kept_if_the_other_links_can_follow(height):
-    pose = start_poses(platform(height))[0]["plate"]
+    pose = start_poses(stated_mechanism("one_assembly_platform.toml", height=height))[0]["plate"]
     np.testing.assert_allclose(pose.position, [0.0, 0.0, height], atol=1e-12)
     np.testing.assert_allclose(pose.rotation, np.eye(3), atol=1e-12)
 
