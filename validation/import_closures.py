@@ -14,6 +14,9 @@ import structure
 
 # (module, imported module) -> what asks for the import
 GATES = {
+    ("kinematics.formulas.two_branch", "kinematics.vector_method.trig_polynomial"): "two assembly modes",
+    ("numerics.loop_solver", "numerics.banded"): "a hundred unknowns",
+    ("kinematics.loops.constraints", "numerics.banded"): "a hundred unknowns",
     ("io.toml_reader", "io.toml_forces"): "forces in TOML",
     ("studies.validate", "studies.scene.own_settings"): "a MODEL in MJCF",
     ("io.scene_findings", "simulation.findings"): "a MODEL in MJCF",

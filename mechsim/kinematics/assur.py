@@ -1,6 +1,6 @@
 """Assur groups: decomposition of a planar chain into the smallest groups of zero mobility."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
@@ -26,7 +26,7 @@ class Equation(NamedTuple):
     row: int
 
 
-def _system(pairs: Sequence[Pairs], unknown: Sequence[str]) -> dict[Equation, list[Unit]]:
+def _system(pairs: Sequence[Pairs], unknown: Collection[str]) -> dict[Equation, list[Unit]]:
     """Return the unknowns of each equation."""
     units_of: dict[Equation, list[Unit]] = {}
     for number, pair in enumerate(pairs):
@@ -44,7 +44,7 @@ def blocks(
     mechanism: Mechanism, pairs: Sequence[Pairs], unknown: Sequence[str]
 ) -> list[tuple[set[Equation], set[Unit]]]:
     """Return the smallest sets of equations that can be solved one after another, with their unknowns."""
-    units_of = _system(pairs, unknown)
+    units_of = _system(pairs, dict.fromkeys(unknown))
     match = matching(units_of)
     users: dict[Unit, list[Equation]] = {unit: [] for unit in match.values()}
     for equation in filter(match.__contains__, units_of):
@@ -170,8 +170,10 @@ def assur_groups(mechanism: Mechanism) -> Decomposition:
     order = [name for name, first in rigid(mechanism).items() if name == first != GROUND]
     unknown = [link for link in order if link not in drivers]
     groups: list[AssurGroup] = []
+    index: dict[str | int, int] = {link: i for i, link in enumerate(unknown)}
     for equations, units in blocks(mechanism, pairs, unknown):
-        links = tuple(link for link in unknown if Unit(link, 0) in units)
+        own = sorted({index[unit.name] for unit in units if unit.name in index})
+        links = tuple(unknown[i] for i in own)
         if links:  # otherwise only the position of a pin on a placed link
             groups.append(_group(links, equations, units))
     return Decomposition(drivers, tuple(groups))

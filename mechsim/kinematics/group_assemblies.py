@@ -132,15 +132,21 @@ def group_assemblies(mechanism: Mechanism, poses: Mapping[str, Pose]) -> GroupAs
         pose = poses[end.link]
         direction = None if pair.hinge else flat(pose.rotation @ np.asarray(end.axis))
         pairs.append(PlanePair(pair.links, flat(pose.point(end.point)), direction))
+    pairs_of: dict[str, dict[int, PlanePair]] = {}
+    for i, plane_pair in enumerate(pairs):
+        for link in plane_pair.links:
+            pairs_of.setdefault(link, {})[i] = plane_pair
     placed: list[Placed] = [dict.fromkeys((GROUND, *decomposition.drivers), AT_REFERENCE)]
     families: dict[str, None] = {}
     complete = True
     for group in decomposition.groups:
         complete &= len(placed) <= MAX_ASSEMBLIES
         before, placed = placed[:MAX_ASSEMBLIES], []
+        of_links = {i: pair for link in group.links for i, pair in pairs_of.get(link, {}).items()}
+        own = [of_links[i] for i in sorted(of_links)]
         for start in before:
             try:
-                placed += [{**start, **added} for added in _solutions(group, pairs, start)]
+                placed += [{**start, **added} for added in _solutions(group, own, start)]
             except FamilyError as error:
                 families[f"{', '.join(group.links)}: {error}"] = None
     body = rigid(mechanism)

@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Collection, Container, Mapping, Sequence
 from dataclasses import replace
+from heapq import heapify, heappop, heappush
 
 import numpy as np
 
@@ -74,11 +75,17 @@ def complete_guess(
         InputError: if no chain of joints connects a link with the frame.
     """
     placed: dict[str, Pose] = {GROUND: IDENTITY, **guess}
-    waiting = list(mechanism.joints)
-    while attached := [j for j in waiting if j.a.link in placed or j.b.link in placed]:
-        # the displacement of a screw is seldom stated: another joint places its links better
-        joint = min(attached, key=lambda j: KINDS[j.kind].helical)
-        waiting.remove(joint)
+    joints_of: dict[str, list[int]] = {}
+    for i, joint in enumerate(mechanism.joints):
+        for link in joint.links:
+            joints_of.setdefault(link, []).append(i)
+    # the displacement of a screw is seldom stated: another joint places its links better
+    attached = [
+        (KINDS[mechanism.joints[i].kind].helical, i) for link in placed for i in joints_of.get(link, ())
+    ]
+    heapify(attached)
+    while attached:
+        joint = mechanism.joints[heappop(attached)[1]]
         forward = joint.a.link in placed
         placed_link, next_link = joint.links if forward else joint.links[::-1]
         if next_link not in placed:
@@ -90,6 +97,8 @@ def complete_guess(
             rotation = frame @ relative @ np.swapaxes(far_frame, -1, -2)
             position = pose.position + rotated(pose.rotation, near_point) + rotated(frame, shift)
             placed[next_link] = Pose(position - rotated(rotation, far_point), rotation)
+            for i in joints_of[next_link]:
+                heappush(attached, (KINDS[mechanism.joints[i].kind].helical, i))
     require_placed(mechanism, placed)
     del placed[GROUND]
     return placed
@@ -326,8 +335,9 @@ def hinged_normals(mechanism: Mechanism) -> dict[str, Array] | None:
 
 
 def _normals(hinge: End, mechanism: Mechanism, joints: Sequence[Joint]) -> dict[str, Array] | None:
-    normals = {hinge.link: np.asarray(hinge.axis)}
-    for _ in mechanism.links:
+    normals, count = {hinge.link: np.asarray(hinge.axis)}, 0
+    while count < len(normals):
+        count = len(normals)
         for joint in joints:
             for start, other in ((joint.a, joint.b), (joint.b, joint.a)):
                 if start.link in normals and other.link not in normals:

@@ -354,10 +354,10 @@ class ContinuationPath(PathStates[E, Q]):
         ]
         last = self.unflat(segments[-1].states[[-1]], np.array([current])) if segments else self.start
         linearised = solver.linearise(last) if segments else solver.at_reference
-        residual = np.tensordot(advance.T, linearised.jacobian[solver.rows], (1, 1)).swapaxes(1, 2)
+        residual = linearised.changes(advance)[solver.rows]
         rhs = np.zeros((k * self.count, len(solver.loops.unknown)))
-        rhs[:, : len(solver.rows)] = residual.reshape(len(rhs), len(solver.rows))
-        step = solver.step(np.tile(linearised.matrix, (k, 1, 1)), rhs)
+        rhs[:, : len(solver.rows)] = residual.reshape(len(solver.rows), len(rhs)).T
+        step = solver.whole_step(-linearised.solution(rhs))
         return self.flat(self.loops.displaced(last.repeated(k), np.repeat(advance, self.count, 1) + step))
 
     def chunks(self, s: Array) -> Iterator[tuple[LoopSolver[E, Q], NDArray[np.intp], Array]]:

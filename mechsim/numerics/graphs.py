@@ -4,6 +4,8 @@ Every `mechsim show` needs these functions; importing networkx takes 0.15 s of p
 """
 
 from collections.abc import Callable, Collection, Hashable, Iterable, Mapping
+from graphlib import TopologicalSorter
+from heapq import heappop, heappush
 from typing import TypeVar
 
 Node = TypeVar("Node", bound=Hashable)
@@ -70,10 +72,14 @@ def matching(neighbours: Mapping[Node, Collection[Other]]) -> dict[Node, Other]:
     partner: dict[Other, Node] = {}
 
     def matched(node: Node, tried: set[Other]) -> bool:
+        free = next((other for other in neighbours[node] if other not in partner), None)
+        if free is not None:
+            partner[free] = node
+            return True
         for other in neighbours[node]:
             if other not in tried:
                 tried.add(other)
-                if other not in partner or matched(partner[other], tried):
+                if matched(partner[other], tried):
                     partner[other] = node
                     return True
         return False
@@ -106,14 +112,23 @@ def ordered_blocks(
     blocks: dict[Node, set[Node]] = {}
     for node in successors:
         blocks.setdefault(root[node], set()).add(node)
-    before = {name: {root[p] for node in block for p in predecessors[node]} for name, block in blocks.items()}
-    waiting = sorted(blocks, key=lambda name: key(blocks[name]))
-    ordered: dict[Node, set[Node]] = {}
-    while waiting:
-        name = next(name for name in waiting if all(p in ordered or p == name for p in before[name]))
-        waiting.remove(name)
-        ordered[name] = blocks[name]
-    return [*ordered.values()]
+    sorter = TopologicalSorter(
+        {
+            name: {root[p] for node in block for p in predecessors[node]} - {name}
+            for name, block in blocks.items()
+        }
+    )
+    sorter.prepare()
+    by_key = sorted(blocks, key=lambda name: key(blocks[name]))
+    rank = {name: i for i, name in enumerate(by_key)}
+    ready, ordered = list[int](), list[set[Node]]()
+    while sorter.is_active():
+        for name in sorter.get_ready():
+            heappush(ready, rank[name])
+        name = by_key[heappop(ready)]
+        ordered.append(blocks[name])
+        sorter.done(name)
+    return ordered
 
 
 def _finished(successors: Mapping[Node, Iterable[Node]]) -> list[Node]:

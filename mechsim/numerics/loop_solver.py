@@ -1,9 +1,11 @@
 """Linearised loops at many instants as square systems: independent equations and a null-space basis."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Generic, Protocol, Self, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, Protocol, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +14,11 @@ from mechsim.numerics.arrays import Array
 from mechsim.numerics.newton import LinearEquations, NewtonSettings, square_solution
 from mechsim.numerics.rank import RANK_TOLERANCE, pivot_columns, right_vectors, significant
 
+if TYPE_CHECKING:
+    from mechsim.numerics.banded import Band, BandedSystems, SparseMatrices
+
+# least number of unknowns for which importing scipy (0.2 s) pays
+MIN_UNKNOWNS = 100
 # entry of a Jacobian below which it is rounding
 NEGLIGIBLE = 1e-14
 # Newton's method about a nearby configuration: beyond this displacement the linear model is invalid
@@ -102,21 +109,55 @@ class Linearised:
 
     Attributes:
         residual: residuals of all equations, (rows, n).
-        jacobian: derivatives by all coordinates in their units, (rows, count, n).
+        derivatives: of all equations by all coordinates in their units, (rows, count, n) or as sparse.
         poses: poses of the links, as the equations return them.
-        matrix: derivatives of independent and null-space equations by the unknowns, (n, u, u).
+        systems: derivatives of independent and null-space equations by the unknowns, (n, u, u) or as banded.
         rhs: residuals of the same equations, (n, u).
         unknown: indices of the unknown coordinates, (u,).
         others: indices of the equations that are not solved.
     """
 
     residual: Array
-    jacobian: Array
+    derivatives: Array | SparseMatrices
     poses: Any
-    matrix: Array
+    systems: Array | BandedSystems
     rhs: Array
     unknown: NDArray[np.intp]
     others: NDArray[np.intp]
+
+    @property
+    def jacobian(self) -> Array:
+        """Derivatives by all coordinates in their units, (rows, count, n)."""
+        whole = self.derivatives
+        return whole if isinstance(whole, np.ndarray) else whole.dense
+
+    @property
+    def matrix(self) -> Array:
+        """Derivatives of independent and null-space equations by the unknowns, (n, u, u)."""
+        return self.systems if isinstance(self.systems, np.ndarray) else self.systems.dense
+
+    def times(self, step: Array) -> Array:
+        """Return the changes of the residuals, (rows, n), by steps of all coordinates, (count, n)."""
+        if not isinstance(self.derivatives, np.ndarray):
+            return self.derivatives.times(step)
+        return np.einsum("rkn,kn->rn", self.jacobian, step)
+
+    def changes(self, steps: Array) -> Array:
+        """Return the changes of the residuals, (rows, s, n), by s steps of all coordinates, (count, s)."""
+        if not isinstance(self.derivatives, np.ndarray) and len(self.systems) == 1:
+            return self.derivatives.times(steps)[..., None]
+        return np.tensordot(self.jacobian, steps, (1, 0)).swapaxes(1, 2)
+
+    def solution(self, right: Array) -> Array:
+        """Return the unknowns (n, u) that give right sides (n, u); of k n right sides those of k copies.
+
+        Raises:
+            LinAlgError: if a system is singular.
+        """
+        if not isinstance(self.systems, np.ndarray):
+            return self.systems.solution(right)
+        copies = len(right) // len(self.matrix)
+        return square_solution(np.tile(self.matrix, (copies, 1, 1)) if copies > 1 else self.matrix, right)
 
     @cached_property
     def singular_values(self) -> Array:
@@ -126,29 +167,51 @@ class Linearised:
     @cached_property
     def all_singular_values(self) -> Array:
         """Singular values of all equations' derivatives by the unknowns, (n, smaller dimension)."""
-        jacobian = self.jacobian.take(self.unknown, 1)
-        if len(self.others) + self.matrix.shape[1] == len(jacobian) and self._idle(jacobian):
+        if self.alone:
             return self.singular_values
+        jacobian = self.jacobian.take(self.unknown, 1)
         return np.asarray(np.linalg.svd(jacobian.transpose(2, 0, 1), compute_uv=False), dtype=np.float64)
 
-    def _idle(self, jacobian: Array) -> bool:
-        """Whether the unused equations are zero, such as those out of the plane of a planar linkage."""
+    @cached_property
+    def alone(self) -> bool:
+        """Whether the unused equations are zero, as those out of the plane of a planar linkage, or absent."""
+        if len(self.others) + self.rhs.shape[1] != len(self.residual):
+            return False
+        if not isinstance(self.derivatives, np.ndarray):
+            outside = np.isin(self.derivatives.rows, self.others) & np.isin(
+                self.derivatives.columns, self.unknown
+            )
+            return bool(np.abs(self.derivatives.values[outside]).max(initial=0.0) < NEGLIGIBLE)
+        jacobian = self.jacobian.take(self.unknown, 1)
         return bool(np.abs(jacobian.take(self.others, 0)).max(initial=0.0) < NEGLIGIBLE)
+
+    def smallest_of_all(self, rank: int) -> Array:
+        """Return the smallest relevant singular values of all equations, (n,); 1 without unknowns."""
+        if not rank:
+            return np.ones(len(self.systems))
+        return self._smallest if self.alone else self.all_singular_values[:, rank - 1]
+
+    @cached_property
+    def _smallest(self) -> Array:
+        """Smallest singular values of the matrices, (n,)."""
+        if not isinstance(self.systems, np.ndarray):
+            return self.systems.smallest_singular_values
+        return self.singular_values[:, -1]
 
     @cached_property
     def signed_distance(self) -> Array:
         """Signed distance from a singular pose, (n,); opposite in sign in two assembly modes that meet."""
-        if not self.matrix.size:  # the drivers alone determine all coordinates
-            return np.ones(len(self.matrix))
-        return self._determinant[0] * self.singular_values[:, -1]
+        if not len(self.unknown):  # the drivers alone determine all coordinates
+            return np.ones(len(self.systems))
+        return self.determinant_sign * self._smallest
 
-    def last(self, count: int) -> "Linearised":
+    def last(self, count: int) -> Linearised:
         """Return the loops about the last `count` sets."""
         return replace(
             self,
             residual=self.residual[:, -count:],
-            jacobian=self.jacobian[..., -count:],
-            matrix=self.matrix[-count:],
+            derivatives=self.jacobian[..., -count:],
+            systems=self.matrix[-count:],
             rhs=self.rhs[-count:],
         )
 
@@ -165,7 +228,9 @@ class Linearised:
     @cached_property
     def _determinant(self) -> tuple[Array, Array]:
         """Signs, and logarithms of magnitudes, (n,) each."""
-        sign, logarithm = np.linalg.slogdet(self.matrix)
+        if not isinstance(self.systems, np.ndarray):
+            return self.systems.determinant
+        sign, logarithm = np.linalg.slogdet(self.systems)
         return sign, logarithm
 
 
@@ -211,7 +276,7 @@ class LoopSolver(Generic[E, Q]):
         The first mask compares the smallest singular values, the second the determinants.
         """
         if self._alone(linearised):
-            everywhere = np.ones(len(linearised.matrix), dtype=np.bool_)
+            everywhere = np.ones(len(linearised.systems), dtype=np.bool_)
             return everywhere, everywhere
         all_poses = linearised.all_singular_values[:, : len(self.rows)]
         by_smallest = linearised.singular_values[:, -1] > MIN_VALUE_RATIO * all_poses[:, -1]
@@ -219,22 +284,41 @@ class LoopSolver(Generic[E, Q]):
 
     def _alone(self, linearised: Linearised) -> bool:
         """Whether the unused equations are zero or absent."""
-        return (
-            self.uses_all_rows
-            or not len(self.rows)
-            or linearised.all_singular_values is linearised.singular_values
-        )
+        return self.uses_all_rows or not len(self.rows) or linearised.alone
 
     def share(self, linearised: Linearised) -> Array:
         """Return the ratio of the smallest singular values of the selected equations and of all, (n,)."""
         if self._alone(linearised):
-            return np.ones(len(linearised.matrix))
+            return np.ones(len(linearised.systems))
         every = linearised.all_singular_values[:, len(self.rows) - 1]
         nonzero = every > RANK_TOLERANCE * every.max()
         return np.where(nonzero, linearised.singular_values[:, -1] / np.where(nonzero, every, 1.0), 1.0)
 
+    @cached_property
+    def band(self) -> Band | None:
+        """Order in which the equations are banded; None if they are few, or solved as a whole."""
+        sparse = getattr(self.loops, "sparse", None)
+        if sparse is None or not len(self.rows) == len(self.loops.unknown) >= MIN_UNKNOWNS:
+            return None
+        from mechsim.numerics.banded import band
+
+        return band(sparse(self.reference)[1], self.rows, self.loops.unknown)
+
+    @property
+    def numbers(self) -> int:
+        """Count of the numbers of a Jacobian."""
+        return self.loops.rows * self.loops.count if self.band is None else self.band.numbers
+
     def linearise(self, q: Q) -> Linearised:
         """Return the loops about n sets of coordinates."""
+        if self.band is not None:
+            from mechsim.numerics.banded import BandedSystems
+
+            evaluate: Any = self.loops
+            residual, entries, poses = evaluate.sparse(q)
+            systems = BandedSystems(self.band, entries.values[self.band.entries])
+            right = residual[self.rows].T
+            return Linearised(residual, entries, poses, systems, right, self.loops.unknown, self.others)
         residual, jacobian, poses = self.loops.linearise(q)
         n, u, r = len(q), len(self.loops.unknown), len(self.rows)
         matrix, right = np.empty((n, u, u), jacobian.dtype), np.empty((n, u), jacobian.dtype)

@@ -28,6 +28,10 @@ class Linearisation(Protocol):
         """Jacobians by the unknowns, (n, m, k)."""
         ...
 
+    def solution(self, right: Array, /) -> Array:
+        """Return the unknowns (n, k) that give right sides (n, m) of square systems."""
+        ...
+
 
 @dataclass(frozen=True, slots=True)
 class LinearEquations:
@@ -40,6 +44,10 @@ class LinearEquations:
 
     rhs: Array
     matrix: Array
+
+    def solution(self, right: Array, /) -> Array:
+        """Return the unknowns (n, k) that give right sides (n, m) of square systems."""
+        return square_solution(self.matrix, right)
 
 
 L = TypeVar("L", bound=Linearisation)
@@ -134,7 +142,8 @@ def newton(
         # residuals below the tolerance are corrected too, down to rounding
         if not (active & (residual > settings.tolerance)).any():
             break
-        step = -(solve or square_solution)(linearised.matrix, linearised.rhs)
+        right = linearised.rhs
+        step = -(linearised.solution(right) if solve is None else solve(linearised.matrix, right))
         length = _largest(step)
         if settings.max_step < np.inf:
             step *= (settings.max_step / np.maximum(settings.max_step, length))[:, None]

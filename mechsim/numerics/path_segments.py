@@ -159,9 +159,7 @@ class PathStates(Generic[E, Q]):
             return None
         linearised = result.linearised
         if result.unverified is not None:
-            change = np.einsum(
-                "rkn,nk->rn", linearised.jacobian.take(linearised.unknown, 1), result.unverified
-            )
+            change = linearised.times(solver.whole_step(result.unverified))
             linearised = replace(linearised, residual=linearised.residual + change)
         largest = np.abs(linearised.residual).max(0, initial=0.0)
         residual, displacement = (

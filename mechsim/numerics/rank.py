@@ -16,6 +16,9 @@ RANK_TOLERANCE = 1e-9
 # singular values below this are zero too, 450 times the spacing of doubles at 1: equations can consist only
 # of rounding, such as those of a ball joint at the common point of all axes of its loop
 FLOOR = 1e-13
+# number of rows from which those that are zero, as of a planar linkage, are left out, and scipy's QR pays:
+# importing scipy.linalg takes 0.17 s of processor time, a fifth of a short command
+MANY = 200
 
 
 def significant(
@@ -33,14 +36,21 @@ def significant(
 
 def rank(matrix: Array, tolerance: float = RANK_TOLERANCE, floor: float = FLOOR) -> int:
     """Return the rank of a matrix, (m, k)."""
-    return int(significant(np.linalg.svd(matrix, compute_uv=False), tolerance, floor).sum())
+    values = np.linalg.svd(matrix[_relevant(matrix)], compute_uv=False)
+    return int(significant(values, tolerance, floor).sum()) if values.size else 0
+
+
+def _relevant(matrix: Array) -> Any:
+    """Return an index of the rows of a large matrix, (..., m, k), that are not zero; else of all rows."""
+    if matrix.shape[-2] < MANY or matrix.ndim > 2:
+        return ...
+    return matrix.any(-1)
 
 
 def pivot_columns(matrix: Array) -> tuple[NDArray[np.intp], Array]:
     """Return the columns of a matrix, (m, k), in the order of QR with column pivoting, and its pivots' sizes.
 
-    The first r columns are independent where r pivots are nonzero. scipy's QR gives the same, but importing
-    scipy.linalg takes 0.17 s of processor time, a fifth of a short command.
+    The first r columns are independent where r pivots are nonzero. Of many columns they are those of scipy.
 
     Source: Businger and Golub (1965), Linear least squares solutions by Householder transformations.
 
@@ -48,6 +58,12 @@ def pivot_columns(matrix: Array) -> tuple[NDArray[np.intp], Array]:
         >>> pivot_columns(np.array([[1.0, 0.0, 3.0], [0.0, 2.0, 0.0]]))[0].tolist()
         [2, 1, 0]
     """
+    if matrix.shape[1] >= MANY:
+        from scipy import linalg
+
+        routines: Any = linalg
+        triangle, order = routines.qr(matrix, mode="r", pivoting=True)
+        return order, np.abs(np.diagonal(triangle))
     rest, order = matrix.copy(), np.arange(matrix.shape[1])
     sizes = np.zeros(min(matrix.shape))
     for i in range(len(sizes)):
@@ -67,6 +83,7 @@ def pivot_columns(matrix: Array) -> tuple[NDArray[np.intp], Array]:
 def right_vectors(matrix: Array) -> tuple[Array, Array]:
     """Return singular values and all k right singular vectors of matrices, (..., m, k)."""
     # all left ones of a row of a hundred loops would take thirty times as long
+    matrix = matrix[_relevant(matrix)]
     _, values, vh = np.linalg.svd(matrix, full_matrices=matrix.shape[-2] < matrix.shape[-1])
     return values, vh
 
@@ -88,4 +105,6 @@ def pseudo_inverse(matrix: Array, tolerance: float = RANK_TOLERANCE, floor: floa
 
 def least_norm(matrix: Array, right: Array, tolerance: float = RANK_TOLERANCE, floor: float = FLOOR) -> Array:
     """Return the minimum-norm least-squares solutions, (..., k), of (..., m, k) x = (..., m)."""
+    if len(matrix) == 1 and (relevant := _relevant(matrix[0])) is not ...:
+        matrix, right = matrix[:, relevant], right[:, relevant]
     return (pseudo_inverse(matrix, tolerance, floor) @ right[..., None])[..., 0]

@@ -8,8 +8,10 @@ import pytest
 import mechsim as ms
 from mechsim.kinematics.assur import assur_groups
 from mechsim.kinematics.loops import rounded_geometry
-from mechsim.kinematics.loops.mobility import driver_determinacy
+from mechsim.kinematics.loops.mobility import checked_start, driver_determinacy
 from mechsim.kinematics.loops.rounded_geometry import DIMENSION_TOLERANCE, corrected
+from mechsim.kinematics.solvers import KinematicSolver
+from mechsim.numerics.banded import BandedSystems, SparseMatrices
 
 # their loops assemble only with parallel axes or under Bennett's condition
 OVERCONSTRAINED = ["four_bar", "slider_crank", "bennett"]
@@ -135,3 +137,40 @@ def test_a_correction_does_not_rebuild_the_loops_for_each_side_of_each_joint(mon
     assert 0.0 < result.rotated < 1e-5
     # measured 16; its 5 joints have 60 shifts and rotations of their sides
     assert len(built) < 24
+
+
+def row_by_circles(count: int, angles: np.ndarray) -> np.ndarray:
+    """Return the tip of the last crank at angles from the start, (n, 2), by circles that intersect."""
+    tips = [complex(i + 0.2 * (-1.0) ** i, 1.0 + 0.1 * (i % 3)) for i in range(count + 1)]
+    tip = tips[0] * np.exp(1j * angles)
+    for i in range(count):
+        pivot, rod, crank = i + 1.0, abs(tips[i + 1] - tips[i]), abs(tips[i + 1] - (i + 1.0))
+        gap = pivot - tip
+        along = (abs(gap) ** 2 + rod**2 - crank**2) / (2.0 * abs(gap))
+        across = 1j * np.sqrt(rod**2 - along**2)
+        options = [tip + (along + side * across) * gap / abs(gap) for side in (1.0, -1.0)]
+        nearer = abs(options[0] - tips[i + 1]) < abs(options[1] - tips[i + 1])
+        tip = np.where(nearer, *options)
+    return np.stack([tip.real, tip.imag], 1)
+
+
+def test_a_long_row_is_solved_without_dense_matrices(monkeypatch):
+    """Its Jacobian has one entry for each coordinate of each loop, factorised next to the diagonal."""
+    row, angles = KinematicSolver(row_of_four_bars(60)), np.linspace(0.0, 0.02, 4)
+    solver = checked_start(row.mechanism)
+    assert solver.band is not None
+    assert solver.band.numbers <= 8 * 2 * 60
+    # joints of a kind at one distance from the frame are evaluated together
+    assert (len(solver.loops.tree.groups), len(solver.loops.groups)) == (2, 1)
+    row.solve([0.0])
+    for kind in (SparseMatrices, BandedSystems):
+        monkeypatch.setattr(kind, "dense", property(lambda matrices: pytest.fail("dense")))
+    motion = row.solve(angles)
+    np.testing.assert_allclose(motion.points["P"].position[:, :2], row_by_circles(60, angles), atol=1e-11)
+    np.testing.assert_allclose(motion.conditioning[0], conditioning_of(solver), rtol=1e-9)
+
+
+def conditioning_of(solver) -> float:
+    """Return the smallest singular value of all equations by the unknowns."""
+    jacobian = solver.loops.linearise(solver.reference)[1][..., 0]
+    return np.linalg.svd(jacobian[:, solver.loops.unknown], compute_uv=False)[-1]

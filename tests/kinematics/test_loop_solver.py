@@ -164,7 +164,7 @@ def test_all_singular_values_include_the_unsolved_equations():
     assert result.all_singular_values is result.singular_values
     tilted = gradient.transpose(1, 2, 0).copy()
     tilted[result.others[0]] = 0.5
-    reported = replace(result, jacobian=np.insert(tilted, loops.driven, 0.0, axis=1))
+    reported = replace(result, derivatives=np.insert(tilted, loops.driven, 0.0, axis=1))
     assert reported.all_singular_values == pytest.approx(
         np.linalg.svd(tilted.transpose(2, 0, 1), compute_uv=False), abs=1e-14
     )

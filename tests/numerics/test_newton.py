@@ -1,11 +1,9 @@
 """Newton's method on many configurations with known roots."""
 
-from dataclasses import dataclass
-
 import numpy as np
 import pytest
 
-from mechsim.numerics.newton import NewtonSettings, newton, root
+from mechsim.numerics.newton import LinearEquations, NewtonSettings, newton, root
 from mechsim.numerics.rank import least_norm
 
 
@@ -23,12 +21,6 @@ def test_a_root_is_accurate_to_rounding(expected, shape):
     assert abs(root(function, low, high) - expected) <= 1e-15 * abs(expected)
 
 
-@dataclass(frozen=True)
-class Linear:
-    rhs: np.ndarray
-    matrix: np.ndarray
-
-
 class Square:
     """x**2 = c, one equation per configuration; counts linearisations."""
 
@@ -37,7 +29,7 @@ class Square:
 
     def linearise(self, x):
         self.linearised += 1
-        return Linear((x**2 - self.c)[:, None], 2.0 * x[:, None, None])
+        return LinearEquations((x**2 - self.c)[:, None], 2.0 * x[:, None, None])
 
     def retract(self, x, step):
         return x + step[:, 0]
@@ -80,7 +72,7 @@ def test_a_last_short_step_need_not_be_verified():
 def test_a_rank_deficient_system_is_solved_by_least_norm():
     class Circle:
         def linearise(self, x):
-            return Linear(((x**2).sum(1) - 1.0)[:, None], 2.0 * x[:, None])
+            return LinearEquations(((x**2).sum(1) - 1.0)[:, None], 2.0 * x[:, None])
 
         def retract(self, x, step):
             return x + step

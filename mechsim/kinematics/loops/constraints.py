@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +23,7 @@ from mechsim.kinematics.loops.kinematics import (
     matrix_product,
     on_ground,
 )
-from mechsim.kinematics.loops.tree import JointSides, SpanningTree, spanning_tree
+from mechsim.kinematics.loops.tree import Indices, JointSides, SpanningTree, indices, spanning_tree
 from mechsim.kinematics.vector_method.vectors import array_cross as cross
 from mechsim.mechanism.joint_kinds import COLUMN, KINDS, coordinates
 from mechsim.mechanism.joints import Coupling, Joint
@@ -35,6 +35,7 @@ from mechsim.numerics.loop_solver import LoopSolver
 
 if TYPE_CHECKING:
     from mechsim.mechanism.design_arrays import Ends, Sides
+    from mechsim.numerics.banded import SparseMatrices
 
 
 @dataclass(frozen=True)
@@ -104,84 +105,171 @@ class Cut:
         ends = zip(self.sides, (self.joint.a, self.joint.b), strict=True)
         return [(link, np.array(end.point), end.frame) for link, end in ends]
 
+
+@dataclass(frozen=True)
+class CutBlock:
+    """Cut joints of a group whose loops have as many coordinates.
+
+    Attributes:
+        which: the joints among those of the group, k.
+        rows: their equations among all, (k, rows).
+        columns: coordinates that move only one side of each, (k, columns).
+        gains: change of side b by one unit of each, (k, 1, columns, 1).
+    """
+
+    which: Indices
+    rows: NDArray[np.intp]
+    columns: NDArray[np.intp]
+    gains: Array
+
+    @cached_property
+    def entries(self) -> tuple[Any, Any]:
+        """Rows and columns of their Jacobians among all."""
+        if len(self.rows) == 1:
+            return indices(self.rows[0].tolist()), self.columns[0]
+        return self.rows[:, :, None], self.columns[:, None]
+
+    def jacobian(self, wrench: Array, unit_twists: Array) -> Array:
+        """Return Jacobians at `entries` from wrenches along the equations, (6, rows, m, n)."""
+        along, moving = wrench[:, :, self.which], unit_twists.take(self.columns, 0)
+        jacobian = np.einsum("irmn,mcin->mrcn", along, moving)
+        jacobian *= self.gains
+        return jacobian[0] if len(self.rows) == 1 else jacobian
+
+
+@dataclass(frozen=True)
+class CutGroup:
+    """Cut joints of a kind, whose equations are evaluated together.
+
+    Attributes:
+        cuts: the joints, m.
+        rows: their equations among all, (m, rows).
+    """
+
+    cuts: tuple[Cut, ...]
+    rows: NDArray[np.intp]
+
+    @cached_property
+    def all_rows(self) -> Indices:
+        """Their equations among all, joint by joint."""
+        return indices(self.rows.ravel().tolist())
+
+    @cached_property
+    def blocks(self) -> list[CutBlock]:
+        """The joints in blocks with as many columns each."""
+        of_count: dict[int, list[int]] = {}
+        for i, cut in enumerate(self.cuts):
+            of_count.setdefault(len(cut.columns), []).append(i)
+        return [
+            CutBlock(
+                indices(own),
+                self.rows[own],
+                np.stack([self.cuts[i].columns for i in own]),
+                np.stack([self.cuts[i].gains for i in own])[:, None, :, None],
+            )
+            for own in of_count.values()
+        ]
+
+    @cached_property
+    def _targets(self) -> Array:
+        return np.stack([cut.products[3] for cut in self.cuts])
+
+    @cached_property
+    def _length(self) -> Array:
+        """Lengths of rods, (m, 1) in [m]."""
+        return np.array([[cut.joint.length] for cut in self.cuts])
+
+    @cached_property
+    def _ends(self) -> list[tuple[Indices | None, Array, Array]]:
+        """Links of sides a and b, None for the ground, with their points and joint frames."""
+        ends = zip(*(cut.ends for cut in self.cuts), strict=True)
+        return [
+            (
+                None if side[0][0] < 0 else indices([link for link, _, _ in side]),
+                np.stack([point for _, point, _ in side]),
+                np.stack([frame for _, _, frame in side]),
+            )
+            for side in ends
+        ]
+
     def frames(self, poses: LinkPoses) -> tuple[Array, Array, Array, Array]:
-        """Return points (3, n) and joint frames (3, 3, n) of sides a and b."""
+        """Return points (3, m, n) and joint frames (3, 3, m, n) of sides a and b."""
         sides: list[Array] = []
-        for link, point, frame in self.ends:
-            if link < 0:
-                sides += on_ground(frame, point)[::-1]
+        for links, point, frame in self._ends:
+            if links is None:
+                rotated_frame, placed = on_ground(frame, point)
             else:
-                rotation = poses.rotation[link]
-                sides += [
-                    poses.position[link] + carried_point(point, rotation),
-                    carried_frame(frame, rotation),
-                ]
+                rotation = poses.rotation[links]
+                placed = poses.position[links] + carried_point(point, rotation)
+                rotated_frame = carried_frame(frame, rotation)
+            sides += [placed.swapaxes(0, 1), rotated_frame.transpose(1, 2, 0, 3)]
         return sides[0], sides[1], sides[2], sides[3]
 
-    def residual_and_jacobian(self, poses: LinkPoses) -> tuple[Array, Array]:
-        """Return residuals (m, n) without units, and Jacobians by the coordinates (m, columns, n)."""
+    def residual_and_wrench(self, poses: LinkPoses) -> tuple[Array, Array]:
+        """Return residuals (m, rows, n), and a wrench along each equation, whose power is their rate.
+
+        Wrenches are (6, rows, m, n).
+        """
         point_a, frame_a, point_b, frame_b = self.frames(poses)
-        if KINDS[self.joint.kind].rod:
-            return self._rod(point_a, point_b, poses.unit_twists.take(self.columns, 0))
-        columns_a, columns_b, units, targets = self.products
-        unit_twists, k = poses.unit_twists.take(self.columns, 0), len(self.lengths)
-        directions_a = frame_a.take(columns_a, 1) * units
-        measured = np.empty((3, self.rows, unit_twists.shape[2]), unit_twists.dtype)
+        if KINDS[self.cuts[0].joint.kind].rod:
+            return self._rod(point_a, point_b)
+        columns_a, columns_b, units, _ = self.cuts[0].products
+        k, shape = len(self.cuts[0].lengths), (len(self.cuts), poses.position.shape[2])
+        directions_a = frame_a.take(columns_a, 1) * units[..., None]
+        measured = np.empty((3, self.rows.shape[1], *shape), poses.position.dtype)
         measured[:, :k] = point_b[:, None]
         measured[:, k:] = frame_b.take(columns_b, 1)
-        # wrench along each equation: its power is the rate of the residual
-        wrench = np.zeros((6, *measured.shape[1:]), unit_twists.dtype)
+        wrench = np.zeros((6, *measured.shape[1:]), measured.dtype)
         wrench[:3, :k] = directions_a[:, :k]
         wrench[3:] = cross(measured, directions_a)
-        jacobian = np.einsum("irn,cin->rcn", wrench, unit_twists)
-        jacobian *= self.gains[:, None]
         measured[:, :k] -= point_a[:, None]
-        return np.einsum("irn,irn->rn", directions_a, measured) - targets, jacobian
+        return np.einsum("irmn,irmn->mrn", directions_a, measured) - self._targets, wrench
 
-    def _rod(self, point_a: Array, point_b: Array, unit_twists: Array) -> tuple[Array, Array]:
-        """Return residual and Jacobian of (D.D - L^2) / (2 L), with D from point a to point b."""
-        length, gap = self.joint.length, np.broadcast_to(point_b - point_a, (3, unit_twists.shape[2]))
-        along = gap / (length * self.length)
+    def _rod(self, point_a: Array, point_b: Array) -> tuple[Array, Array]:
+        """Return residual and wrench of (D.D - L^2) / (2 L), with D from point a to point b."""
+        length, unit = self._length, self.cuts[0].length
+        gap = point_b - point_a
+        along = gap / (length * unit)
         wrench = np.concatenate([along, cross(np.broadcast_to(point_b, gap.shape), along)])
-        jacobian = np.einsum("in,cin->cn", wrench, unit_twists) * self.gains[:, None]
-        residual = 0.5 * ((gap * along).sum(0) - length / self.length)
-        return residual[None], jacobian[None]
+        return (0.5 * ((gap * along).sum(0) - length / unit))[:, None], wrench[:, None]
 
     def velocity_products(self, poses: LinkPoses, twist: Array, velocity_product: Array) -> Array:
-        """Return velocity-product terms of the residuals, (m, n), from those of the links (links, 6, n)."""
+        """Return velocity-product terms of the residuals, (m, rows, n), from those of the links."""
+        like = self.cuts[0]
         point_a, frame_a, point_b, frame_b = self.frames(poses)
-        zero = np.zeros(twist.shape[1:])
+        zero = np.zeros((6, 1, twist.shape[2]))
         (ta, tb), (da, db) = (
-            [zero if i < 0 else values[i] for i in self.sides] for values in (twist, velocity_product)
+            [zero if links is None else values[links].swapaxes(0, 1) for links, _, _ in self._ends]
+            for values in (twist, velocity_product)
         )
         wa, wb = ta[3:], tb[3:]
-        if KINDS[self.joint.kind].rod:
+        if KINDS[like.joint.kind].rod:
             gap, rate = point_b - point_a, _velocity(tb, point_b) - _velocity(ta, point_a)
             bias = _acceleration(tb, db, point_b) - _acceleration(ta, da, point_a)
-            return ((gap * bias + rate * rate).sum(0) / (self.joint.length * self.length))[None]
+            return ((gap * bias + rate * rate).sum(0) / (self._length * like.length))[:, None]
         # relative to side a, of whose frame point b is a point for the moment
         relative = _acceleration(tb, db, point_b) - _acceleration(ta, da, point_b)
         relative = relative - 2.0 * cross(wa, _velocity(tb, point_b) - _velocity(ta, point_b))
-        out = np.empty((self.rows, twist.shape[2]), twist.dtype)
+        out = np.empty((*self.rows.shape, twist.shape[2]), twist.dtype)
         k = 0
-        for i in self.lengths:
-            out[k] = (frame_a[:, i] * relative).sum(0) / self.length
+        for i in like.lengths:
+            out[:, k] = (frame_a[:, i] * relative).sum(0) / like.length
             k += 1
-        for i, j, _ in self.directions:
+        for i, j, _ in like.directions:
             u, v = frame_a[:, i], frame_b[:, j]
             across, changing = cross(v, u), cross(cross(wb, v), u) + cross(v, cross(wa, u))
-            out[k] = (across * (db[3:] - da[3:])).sum(0) + (changing * (wb - wa)).sum(0)
+            out[:, k] = (across * (db[3:] - da[3:])).sum(0) + (changing * (wb - wa)).sum(0)
             k += 1
         return out
 
 
 def _velocity(twist: Array, point: Array) -> Array:
-    """Return the velocity of a point of a link, (3, n), whose twist is (6, n)."""
+    """Return the velocities of points of links, (3, m, n), whose twists are (6, m, n)."""
     return twist[:3] + cross(twist[3:], point)
 
 
 def _acceleration(twist: Array, velocity_product: Array, point: Array) -> Array:
-    """Return the velocity-product term of the acceleration of a point of a link, (3, n)."""
+    """Return the velocity-product terms of the accelerations of points of links, (3, m, n)."""
     swing = cross(velocity_product[3:], point)
     return velocity_product[:3] + swing + cross(twist[3:], _velocity(twist, point))
 
@@ -279,6 +367,20 @@ class TreeLoops:
         """Number of equations."""
         return sum(cut.rows for cut in self.cuts) + len(self.turn_offsets)
 
+    @cached_property
+    def groups(self) -> list[CutGroup]:
+        """The cut joints in groups."""
+        groups, k = dict[tuple[object, ...], list[tuple[Cut, range]]](), 0
+        for cut in self.cuts:
+            many, (a, b) = cut.sides_of_designs is not None, cut.sides
+            key = cut.joint.kind, cut.one_sense, a < 0, b < 0, many
+            groups.setdefault(key, []).append((cut, range(k, k + cut.rows)))
+            k += cut.rows
+        return [
+            CutGroup(tuple(cut for cut, _ in own), np.array([rows for _, rows in own], dtype=np.intp))
+            for own in groups.values()
+        ]
+
     @property
     def name(self) -> str:
         """Name of the mechanism."""
@@ -296,29 +398,63 @@ class TreeLoops:
     def linearise(self, q: Coordinates, poses: LinkPoses | None = None) -> tuple[Array, Array, LinkPoses]:
         """Return residuals (rows, n), Jacobians by coordinates in units (rows, count, n), and link poses."""
         poses = link_poses(self.tree, q) if poses is None else poses
-        n = len(q)
-        dtype = q.values.dtype
-        residual = np.empty((self.rows, n), dtype)
-        jacobian = np.zeros((self.rows, self.tree.count, n), dtype)
-        k = 0
-        for cut in self.cuts:
-            block = slice(k, k + cut.rows)
-            residual[block], jacobian[block, cut.columns] = cut.residual_and_jacobian(poses)
-            k += cut.rows
-        for coupling, offset in zip(self.couplings, self.turn_offsets, strict=True):
-            violation, derivative, _ = coupling.evaluate(q.values)
-            jacobian[k] = derivative * self.units[:, None]
-            residual[k] = violation - offset / coupling.unit
-            k += 1
+        jacobian = np.zeros((self.rows, self.tree.count, len(q)), q.values.dtype)
+        residual, blocks = self._evaluated(q, poses)
+        for entries, block in blocks:
+            jacobian[entries] = block
         return residual, jacobian, poses
+
+    def sparse(self, q: Coordinates) -> tuple[Array, SparseMatrices, LinkPoses]:
+        """Return residuals, Jacobians and link poses as `linearise`."""
+        from mechsim.numerics.banded import SparseMatrices
+
+        poses = link_poses(self.tree, q)
+        residual, blocks = self._evaluated(q, poses)
+        values = np.concatenate([block.reshape(-1, len(q)) for _, block in blocks])
+        return residual, SparseMatrices(*self._entries, values, (self.rows, self.count)), poses
+
+    @cached_property
+    def _entries(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Rows and columns of the entries of `sparse`."""
+        blocks = [(block.rows, block.columns) for group in self.groups for block in group.blocks]
+        blocks += [(np.array([[k]]), columns[None]) for k, columns in self._coupled]
+        pairs = [np.broadcast_arrays(rows[:, :, None], columns[:, None]) for rows, columns in blocks]
+        rows, columns = (np.concatenate([pair[i].ravel() for pair in pairs]) for i in (0, 1))
+        return rows, columns
+
+    @cached_property
+    def _coupled(self) -> list[tuple[int, NDArray[np.intp]]]:
+        """Equation of each coupling, and the coordinates in it."""
+        weights = [(row.left_weights != 0.0) | (row.right_weights != 0.0) for row in self.couplings]
+        return [(k, np.flatnonzero(own)) for k, own in enumerate(weights, self.rows - len(weights))]
+
+    def _evaluated(self, q: Coordinates, poses: LinkPoses) -> tuple[Array, list[tuple[Any, Array]]]:
+        """Return residuals (rows, n), and blocks of the Jacobian with their rows and columns."""
+        residual = np.empty((self.rows, len(q)), q.values.dtype)
+        blocks: list[tuple[Any, Array]] = []
+        for group in self.groups:
+            own, wrench = group.residual_and_wrench(poses)
+            residual[group.all_rows] = own.reshape(group.rows.size, own.shape[2])
+            blocks += [(each.entries, each.jacobian(wrench, poses.unit_twists)) for each in group.blocks]
+        for coupling, offset, (k, columns) in zip(
+            self.couplings, self.turn_offsets, self._coupled, strict=True
+        ):
+            violation, derivative, _ = coupling.evaluate(q.values)
+            residual[k] = violation - offset / coupling.unit
+            blocks.append(((k, columns), derivative[columns] * self.units[columns, None]))
+        return residual, blocks
 
     def velocity_products(
         self, q: Coordinates, poses: LinkPoses, rates: Array, twist: Array, velocity_product: Array
     ) -> Array:
         """Return the velocity-product terms of the residuals for coordinate rates (count, n), (rows, n)."""
-        blocks = [cut.velocity_products(poses, twist, velocity_product) for cut in self.cuts]
-        coupled = [coupling.velocity_products(q.values, rates)[None] for coupling in self.couplings]
-        return np.concatenate([np.empty((0, len(q))), *blocks, *coupled])
+        out = np.empty((self.rows, len(q)), twist.dtype)
+        for group in self.groups:
+            terms = group.velocity_products(poses, twist, velocity_product)
+            out[group.all_rows] = terms.reshape(group.rows.size, len(q))
+        for k, coupling in enumerate(self.couplings, self.rows - len(self.turn_offsets)):
+            out[k] = coupling.velocity_products(q.values, rates)
+        return out
 
     def displaced(self, q: Coordinates, step: Array) -> Coordinates:
         """Return coordinates displaced by a step (count, n) in their units."""
@@ -456,10 +592,14 @@ def axis_cosines(loops: TreeLoops, poses: LinkPoses) -> Iterator[tuple[str, int,
 
     The equations require parallel directions, of either sign.
     """
-    for cut in loops.cuts:
-        _, frame_a, _, frame_b = cut.frames(poses)
-        for i in KINDS[cut.joint.kind].aligned_columns:
-            yield cut.joint.name, i, (frame_a[:, i] * frame_b[:, i]).sum(0)
+    cosines: dict[str, list[tuple[str, int, Array]]] = {cut.joint.name: [] for cut in loops.cuts}
+    for group in loops.groups:
+        _, frame_a, _, frame_b = group.frames(poses)
+        for i in KINDS[group.cuts[0].joint.kind].aligned_columns:
+            for cut, own in zip(group.cuts, (frame_a[:, i] * frame_b[:, i]).sum(0), strict=True):
+                cosines[cut.joint.name].append((cut.joint.name, i, own))
+    for own in cosines.values():
+        yield from own
 
 
 def axes_aligned(loops: TreeLoops, q: Coordinates) -> NDArray[np.bool_]:

@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -26,6 +27,9 @@ from mechsim.numerics.loop_solver import LoopSystem, loop_solver
 from mechsim.numerics.newton import newton
 from mechsim.numerics.path_segments import ClosedNodes, Segment, StepControl
 from mechsim.numerics.rank import least_norm, significant
+
+if TYPE_CHECKING:
+    from mechsim.numerics.banded import SparseMatrices
 
 Rows = NDArray[np.intp]
 Bools = NDArray[np.bool_]
@@ -55,6 +59,10 @@ class DesignLoops(TreeLoops):
     def linearise(self, q: Coordinates, poses: LinkPoses | None = None) -> tuple[Array, Array, LinkPoses]:
         """Return residuals, Jacobians and links about n sets of coordinates, as `TreeLoops`."""
         return self.at_instants(len(q)).linearise(q, poses)
+
+    def sparse(self, q: Coordinates) -> "tuple[Array, SparseMatrices, LinkPoses]":
+        """Return residuals, Jacobians and links as `linearise`."""
+        return self.at_instants(len(q)).sparse(q)
 
     def at_instants(self, count: int, /) -> TreeLoops:
         """Return the equations with the dimensions of each of `count` instants."""

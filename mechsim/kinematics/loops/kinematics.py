@@ -3,13 +3,13 @@
 Instants are the last axis of every array, so that each component is contiguous in memory.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.kinematics.loops.tree import SpanningTree, TreeJoint
+from mechsim.kinematics.loops.tree import JointGroup, SpanningTree
 from mechsim.kinematics.vector_method.vectors import array_cross as cross
 from mechsim.mechanism.links import Pose
 from mechsim.numerics.arrays import Array
@@ -67,73 +67,76 @@ def link_poses(tree: SpanningTree, q: Coordinates) -> LinkPoses:
     n, dtype, links = len(q), q.values.dtype, len(tree.branches)
     position, rotation = np.empty((links, 3, n), dtype), np.empty((links, 3, 3, n), dtype)
     axes, centres = np.empty((2, 3, tree.count, n), dtype)
-    for branch, relative in zip(tree.branches, _relative_rotations(tree, q), strict=True):
-        sides, i, parent = tree.constants[branch.child], branch.child, branch.parent
-        if parent < 0:
-            origin, arm, rotation[i] = 0.0, _wide(sides.parent_point, 1), relative
+    terms = np.empty((tree.count, 3, n), dtype)
+    terms[:, 0], terms[:, 1], terms[:, 2] = 1.0, np.cos(q.values), np.sin(q.values)
+    for group in tree.groups:
+        sides, relative = group.sides, _relative_rotations(group, terms, q.turns)
+        carrier = None if group.parents is None else rotation[group.parents]
+        if carrier is None:
+            origin, arm, own = 0.0, _wide(sides.parent_point, 2), relative
         else:
-            origin, arm = position[parent], carried_point(sides.parent_point, rotation[parent])
-            rotation[i] = matrix_product(rotation[parent], relative)
-        slid = np.zeros((3, 1), dtype)
-        for k, (link, axis) in enumerate(tree.axes[i], branch.first):
-            axes[:, k] = _wide(axis, 1) if link < 0 else carried_point(axis, rotation[link])
+            origin, arm = position[group.parents], carried_point(sides.parent_point, carrier)
+            own = matrix_product(carrier, relative)
+        slid = np.zeros((1, 3, 1), dtype)
+        for i, (k, (on_child, axis)) in enumerate(zip(group.columns, group.axes, strict=True)):
+            frame = own if on_child else carrier
+            direction = _wide(axis, 2) if frame is None else carried_point(axis, frame)
+            axes[:, k] = direction.swapaxes(0, 1)
             # axes of rotations pass through side b's point
-            centres[:, k] = origin + (arm + slid if branch.forward else arm)
-            if k < branch.first_angle:
-                slid = slid + axes[:, k] * q.values[k]
+            centres[:, k] = (origin + (arm + slid if group.forward else arm)).swapaxes(0, 1)
+            if i < len(group.kind.slides):
+                slid = slid + direction * q.values[k][:, None]
+        rotation[group.children] = own
         # a link's displacement from its parent first: rods of equal length then cancel exactly
-        position[i] = origin + (arm - carried_point(sides.child_point, rotation[i]) + slid)
+        position[group.children] = origin + (arm - carried_point(sides.child_point, own) + slid)
     # unit twists (count, 6, n) of rotations about axes through centres, (3, count, n), and slides
-    unit_twists = np.empty((tree.count, 6, axes.shape[2]), axes.dtype).transpose(1, 0, 2)
+    unit_twists = np.empty((6, tree.count, n), dtype)
     unit_twists[:3], unit_twists[3:] = cross(centres, axes), axes
     if tree.slides.any():
         unit_twists[:3, tree.slides], unit_twists[3:, tree.slides] = axes[:, tree.slides], 0.0
     return LinkPoses(position, rotation, unit_twists.transpose(1, 0, 2))
 
 
-def _relative_rotations(tree: SpanningTree, q: Coordinates) -> Iterator[Array]:
-    """Yield the rotation of each link relative to its parent, (3, 3, n), in the order of the tree joints."""
-    terms = np.empty((tree.count, 3, len(q)), q.values.dtype)
-    terms[:, 0], terms[:, 1], terms[:, 2] = 1.0, np.cos(q.values), np.sin(q.values)
-    turns = iter(q.turns)
-    for branch in tree.branches:
-        factors = zip(tree.rotations[branch.child], branch.angles, strict=False)
-        rotations = [_combined(factor, terms[k]) for factor, k in factors]
-        if branch.angles:
-            yield rotations[0] if len(rotations) == 1 else matrix_product(*rotations)
-            continue
-        sides = tree.constants[branch.child]
-        frame, child_frame = _wide(sides.parent_frame, 2), _wide(sides.child_frame.swapaxes(0, 1), 2)
-        if branch.kind.ball:
-            ball_rotation = next(turns)
-            frame = matrix_product(frame, ball_rotation if branch.forward else ball_rotation.swapaxes(0, 1))
-        yield matrix_product(frame, child_frame)
+def _relative_rotations(group: JointGroup, terms: Array, turns: Array) -> Array:
+    """Return the rotations of links relative to their parents, (m, 3, 3, n)."""
+    rotations = [_combined(factor, terms[k]) for k, factor in group.rotations]
+    if rotations:
+        return rotations[0] if len(rotations) == 1 else matrix_product(*rotations)
+    frame, child_frame = _wide(group.sides.parent_frame, 3), _wide(group.sides.child_frame.swapaxes(1, 2), 3)
+    if group.turns is not None:
+        ball_rotation = turns[group.turns]
+        frame = matrix_product(frame, ball_rotation if group.forward else ball_rotation.swapaxes(1, 2))
+    return matrix_product(frame, child_frame)
 
 
 def _combined(factors: Array, terms: Array) -> Array:
-    """Return a rotation (3, 3, n) from factors (9, 3), or (9, 3, n), of 1, cosine and sine, (3, n)."""
-    rotation = factors @ terms if factors.ndim == 2 else np.einsum("aen,en->an", factors, terms)
-    return rotation.reshape(3, 3, -1)
+    """Return rotations (m, 3, 3, n) from factors (m, 9, 3[, n]) of 1, cosine and sine, (m, 3, n)."""
+    rotation = factors @ terms if factors.ndim == 3 else np.einsum("maen,men->man", factors, terms)
+    return rotation.reshape(len(factors), 3, 3, -1)
 
 
 def _wide(constant: Array, axes: int) -> Array:
-    """Return a vector or matrix with a last axis of length 1 for the instants; unchanged if it has one."""
+    """Return vectors or matrices with a last axis for the instants, of length 1 if they have none."""
     return constant[..., None] if constant.ndim == axes else constant
 
 
 def on_ground(frame: Array, point: Array) -> tuple[Array, Array]:
-    """Return a frame and a point of the ground, as (3, 3, n) and (3, n) or with 1 for n."""
-    return (frame[..., None], point[:, None]) if frame.ndim == 2 else (frame, point)
+    """Return frames and points of the ground, as (m, 3, 3, n) and (m, 3, n) or with 1 for n."""
+    return _wide(frame, 3), _wide(point, 2)
 
 
 def carried_frame(frame: Array, rotation: Array) -> Array:
-    """Return a frame (3, 3) of a link, or (3, 3, n) of many designs, rotated with the link, (3, 3, n)."""
-    return frame.T @ rotation if frame.ndim == 2 else matrix_product(rotation, frame)
+    """Return frames (m, 3, 3) of links, or (m, 3, 3, n) of many designs, rotated with them, (m, 3, 3, n)."""
+    if frame.ndim == 3:
+        return frame.swapaxes(1, 2)[:, None] @ rotation
+    return matrix_product(rotation, frame)
 
 
 def carried_point(point: Array, rotation: Array) -> Array:
-    """Return a point (3,) of a link, or (3, n) of many designs, rotated with the link, (3, n)."""
-    return point @ rotation if point.ndim == 1 else np.einsum("kn,ikn->in", point, rotation)
+    """Return points (m, 3) of links, or (m, 3, n) of many designs, rotated with them, (m, 3, n)."""
+    if point.ndim == 2:
+        return (point[:, None, None] @ rotation)[:, :, 0]
+    return np.einsum("mkn,mikn->min", point, rotation)
 
 
 def twists(tree: SpanningTree, poses: LinkPoses, rates: Array) -> Array:
@@ -143,53 +146,47 @@ def twists(tree: SpanningTree, poses: LinkPoses, rates: Array) -> Array:
 
 def velocity_products(tree: SpanningTree, poses: LinkPoses, twist: Array, rates: Array) -> Array:
     """Return the links' velocity-product terms at coordinate rates, (links, 6, n), as `twists`."""
-    derivative = np.empty_like(poses.unit_twists)
-    zero = np.zeros(twist.shape[1:])
-    for branch in tree.branches:
-        parent, child = zero if branch.parent < 0 else twist[branch.parent], twist[branch.child]
-        a, b = (parent, child) if branch.forward else (child, parent)
-        kind, k = branch.kind, branch.first
-        for axis in (*kind.slides, *kind.turns):
+    unit_twists, moving = poses.unit_twists.transpose(1, 0, 2), twist.transpose(1, 0, 2)
+    derivative = np.empty_like(unit_twists)
+    zero = np.zeros((6, 1, twist.shape[2]))
+    for group in tree.groups:
+        parent, child = zero if group.parents is None else moving[:, group.parents], moving[:, group.children]
+        a, b = (parent, child) if group.forward else (child, parent)
+        kind = group.kind
+        for i, (k, axis) in enumerate(zip(group.columns, (*kind.slides, *kind.turns), strict=True)):
             # axes fixed on side a: slides, axes of a ball, the first of two crossed axes; else on b
-            in_a = k < branch.first_angle or kind.ball or (kind.crossed and axis == "a")
-            w, s = a if in_a else b, poses.unit_twists[k]
-            derivative[k, 3:] = cross(w[3:], s[3:])
-            if k >= branch.first_angle and kind.slides and kind.ball:
+            in_a = i < len(kind.slides) or kind.ball or (kind.crossed and axis == "a")
+            w, s = a if in_a else b, unit_twists[:, k]
+            derivative[3:, k] = changed = cross(w[3:], s[3:])
+            if i >= len(kind.slides) and kind.slides and kind.ball:
                 # the axis passes through b's point, but moves with a
-                centre = _centre(tree, branch, poses)
-                derivative[k, :3] = cross(b[:3] + cross(b[3:], centre), s[3:]) + cross(
-                    centre, derivative[k, 3:]
-                )
+                centre = _centres(group, poses)
+                derivative[:3, k] = cross(b[:3] + cross(b[3:], centre), s[3:]) + cross(centre, changed)
             else:
-                derivative[k, :3] = cross(w[3:], s[:3]) + cross(w[:3], s[3:])
-            k += 1
-    derivative *= rates[:, None]
-    return _summed(tree, derivative)
+                derivative[:3, k] = cross(w[3:], s[:3]) + cross(w[:3], s[3:])
+    return _summed(tree, (derivative * rates).transpose(1, 0, 2))
 
 
-def _centre(tree: SpanningTree, branch: TreeJoint, poses: LinkPoses) -> Array:
-    """Return the position of side b's point of a tree joint, (3, n) or (3, 1)."""
-    fixed = tree.constants[branch.child]
-    link, point = (branch.child, fixed.child_point) if branch.forward else (branch.parent, fixed.parent_point)
-    if link < 0:
-        return point[:, None] if point.ndim == 1 else point
-    return poses.position[link] + carried_point(point, poses.rotation[link])
+def _centres(group: JointGroup, poses: LinkPoses) -> Array:
+    """Return the positions of side b's points of tree joints, (3, m, n) or (3, m, 1)."""
+    links = group.children if group.forward else group.parents
+    point = group.sides.child_point if group.forward else group.sides.parent_point
+    if links is None:
+        return _wide(point, 2).swapaxes(0, 1)
+    return (poses.position[links] + carried_point(point, poses.rotation[links])).swapaxes(0, 1)
 
 
 def _summed(tree: SpanningTree, terms: Array) -> Array:
     """Return for each link the sum over the coordinates that move it, (links, 6, n)."""
     total = np.empty((len(tree.branches), *terms.shape[1:]), terms.dtype)
-    for branch in tree.branches:
-        if not branch.kind.dof:
-            total[branch.child] = 0.0 if branch.parent < 0 else total[branch.parent]
-            continue
-        value = terms[branch.first]
-        for k in range(branch.first + 1, branch.first + branch.kind.dof):
+    for group in tree.groups:
+        value = terms[group.columns[0]] if group.columns else 0.0
+        for k in group.columns[1:]:
             value = value + terms[k]
-        total[branch.child] = value if branch.parent < 0 else total[branch.parent] + value
+        total[group.children] = value if group.parents is None else total[group.parents] + value
     return total
 
 
 def matrix_product(a: Array, b: Array) -> Array:
-    """Return matrix products of (3, 3, n)."""
-    return np.einsum("ijn,jkn->ikn", a, b)
+    """Return matrix products of (3, 3, n), or (m, 3, 3, n)."""
+    return np.einsum("ijn,jkn->ikn" if a.ndim == 3 else "mijn,mjkn->mikn", a, b)

@@ -161,7 +161,7 @@ def closed_chunks(path: LoopPath, instants: Instants) -> Iterator[ClosedChunk]:
     Raises:
         AssemblyError: at the parameter beyond which the loops cannot close in this assembly mode.
     """
-    most = CHUNK_BYTES / (8 * path.loops.rows * path.loops.count + 1)
+    most = CHUNK_BYTES / (8 * path.first.numbers + 1)
     per_chunk, driven = max(1, int(min(CHUNK, most)) // path.count), list(path.loops.driven)
     for solver, index, rows in path.chunks(instants.parameter):
         for i in range(0, len(index), per_chunk):
@@ -209,7 +209,7 @@ def _newton(
     def solve(matrix: Array, right: Array) -> Array:
         return square_solution(regularised(matrix, singular), np.where(singular[:, None], 0.0, right))
 
-    result = newton(solver, q, settings, solve)
+    result = newton(solver, q, settings, solve if singular.any() else None)
     if np.isinf(result.displacement).any():
         raise _too_singular(path, float(s[np.argmax(result.displacement)]))
     return result.q, result.linearised
@@ -238,7 +238,6 @@ def with_rates(path: LoopPath | None, chunk: ClosedChunk, *, conditioned: bool =
         np.zeros(len(q), dtype=np.bool_) if path is None else path.near_change_point(instants.parameter)
     )
     tree, units, driven = loops.tree, loops.units[:, None], list(loops.driven)
-    matrix = regularised(linearised.matrix, singular)
     polynomial = (
         None
         if path is None or not singular.any()
@@ -250,9 +249,10 @@ def with_rates(path: LoopPath | None, chunk: ClosedChunk, *, conditioned: bool =
         step = np.zeros((tree.count, len(q)), q.values.dtype)
         step[driven] = prescribed / units[driven]
         rhs = np.zeros_like(linearised.rhs)
-        residual = np.einsum("rkn,kn->rn", linearised.jacobian[:, driven], step[driven]) + bias
-        rhs[:, : len(solver.rows)] = residual[solver.rows].T
-        return step + solver.step(matrix, rhs)
+        rhs[:, : len(solver.rows)] = (linearised.times(step) + bias)[solver.rows].T
+        if singular.any():
+            return step + solver.step(regularised(linearised.matrix, singular), rhs)
+        return step + solver.whole_step(-linearised.solution(rhs))
 
     rates = solved(instants.rate, np.zeros(1))
     if polynomial is not None:
@@ -267,25 +267,21 @@ def with_rates(path: LoopPath | None, chunk: ClosedChunk, *, conditioned: bool =
         second[:, singular] = polynomial[0] * acceleration + polynomial[1] * speed**2
     spatial = velocity_product + twists(tree, linearised.poses, second * units)
     # velocities and accelerations of the links' origins from twists and spatial accelerations
-    velocity, accelerations = np.empty_like(twist), np.empty_like(twist)
-    for i, origin in enumerate(linearised.poses.position):
-        angular_velocity, angular_acceleration = twist[i, 3:], spatial[i, 3:]
-        velocity[i, :3] = twist[i, :3] + cross(angular_velocity, origin)
-        accelerations[i, :3] = (
-            spatial[i, :3] + cross(angular_acceleration, origin) + cross(angular_velocity, velocity[i, :3])
-        )
-        velocity[i, 3:], accelerations[i, 3:] = angular_velocity, angular_acceleration
+    twist, spatial = twist.swapaxes(0, 1), spatial.swapaxes(0, 1)
+    velocity, acceleration = twist.copy(), spatial.copy()
+    origin = linearised.poses.position.swapaxes(0, 1)
+    velocity[:3] += cross(twist[3:], origin)
+    acceleration[:3] += cross(spatial[3:], origin)
+    acceleration[:3] += cross(twist[3:], velocity[:3])
     return LoopMotion(
         q.values.T,
         (rates * units).T,
         (second * units).T,
         linearised.poses.position.transpose(2, 0, 1),
         linearised.poses.rotation.transpose(3, 0, 1, 2),
-        velocity.transpose(2, 0, 1),
-        accelerations.transpose(2, 0, 1),
-        smallest_singular_values(linearised.jacobian[:, loops.unknown], len(solver.rows))
-        if conditioned
-        else np.ones(len(q)),
+        velocity.transpose(2, 1, 0),
+        acceleration.transpose(2, 1, 0),
+        linearised.smallest_of_all(len(solver.rows)) if conditioned else np.ones(len(q)),
     )
 
 

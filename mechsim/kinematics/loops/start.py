@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from mechsim.errors import AssemblyError
-from mechsim.kinematics.loops.constraints import TreeLoops, axes_aligned, axis_cosines, tree_loops
+from mechsim.kinematics.loops.constraints import CutGroup, TreeLoops, axes_aligned, axis_cosines, tree_loops
 from mechsim.kinematics.loops.kinematics import Coordinates, link_poses
 from mechsim.kinematics.vector_method.rotations import from_quaternion
 from mechsim.mechanism.joint_kinds import FIXED, KINDS, antiparallel_message
@@ -118,7 +118,8 @@ def _across(loops: TreeLoops, q: Coordinates) -> str:
             violation > largest
             and np.abs(np.tensordot(gap, jacobians[rows], 1)).max(initial=0.0) < IMMOBILE * violation
         ):
-            displacement = cut.frames(poses)[1][:, cut.lengths, 0] @ gap * cut.length
+            frame = CutGroup((cut,), np.arange(rows.start, first)[None]).frames(poses)[1]
+            displacement = frame[:, cut.lengths, 0, 0] @ gap * cut.length
             along = ", ".join(
                 f"{component:.3g}"
                 for component in np.where(

@@ -1,8 +1,9 @@
 """A mechanism as a spanning tree of links with joint coordinates, and the joints that close its loops."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -100,6 +101,44 @@ class JointSides:
         return [rotation.reshape(9, 3, *rotation.shape[3:]) for rotation in rotations]
 
 
+# equally spaced indices as a slice, which numpy reads faster; else their array
+Indices: TypeAlias = slice | NDArray[np.intp]
+
+
+def indices(values: Sequence[int]) -> Indices:
+    """Return indices as a slice if they are equally spaced, else as an array."""
+    step = values[1] - values[0] if len(values) > 1 else 1
+    regular = step > 0 and [*values] == [*range(values[0], values[0] + len(values) * step, step)]
+    return slice(values[0], values[-1] + 1, step) if regular else np.array(values)
+
+
+@dataclass(frozen=True, slots=True)
+class JointGroup:
+    """Tree joints of a kind whose links are equally many joints away from the frame, placed together.
+
+    Attributes:
+        kind: their kind.
+        forward: whether their sides a are on the parents.
+        parents: the parents, m; None for the ground.
+        children: the placed links.
+        columns: first coordinates of all, second coordinates, and so on.
+        turns: rotations of spherical joints among those of all.
+        sides: sides of the joints, each array with a first axis of length m.
+        rotations: angles of the joints, and their rotations as `JointSides.rotations`, with the same axis.
+        axes: whether each axis is fixed on the child, and its directions, (m, 3) or (m, 3, n).
+    """
+
+    kind: Kind
+    forward: bool
+    parents: Indices | None
+    children: Indices
+    columns: list[Indices]
+    turns: Indices | None
+    sides: JointSides
+    rotations: list[tuple[Indices, Array]]
+    axes: list[tuple[bool, Array]]
+
+
 @dataclass(frozen=True)
 class SpanningTree:
     """Links in the order of placement, each with its tree joint; the other joints close the loops.
@@ -161,6 +200,42 @@ class SpanningTree:
     def axes(self) -> dict[int, list[tuple[int, Array]]]:
         """Index of a link -> axes of its tree joint, as `JointSides.axes`."""
         return {branch.child: self.constants[branch.child].axes(branch) for branch in self.branches}
+
+    @cached_property
+    def groups(self) -> list[JointGroup]:
+        """The tree joints in groups, those nearest the frame first."""
+        depth, groups = {-1: 0}, dict[tuple[object, ...], list[TreeJoint]]()
+        for branch in self.branches:
+            depth[branch.child] = depth[branch.parent] + 1
+            many = self.constants[branch.child].parent_point.ndim
+            key = depth[branch.child], branch.joint.kind, branch.forward, branch.parent < 0, many
+            groups.setdefault(key, []).append(branch)
+        ball_of = {ball.child: i for i, ball in enumerate(self.balls)}
+        ordered = sorted(groups.items(), key=lambda group: depth[group[1][0].child])
+        return [self._group(branches, ball_of) for _, branches in ordered]
+
+    def _group(self, branches: Sequence[TreeJoint], ball_of: Mapping[int, int]) -> JointGroup:
+        like, children = branches[0], [branch.child for branch in branches]
+        sides = [self.constants[i] for i in children]
+        rotations = zip(*(self.rotations[i] for i in children), strict=True)
+        columns = [indices([branch.first + k for branch in branches]) for k in range(like.kind.dof)]
+        return JointGroup(
+            like.kind,
+            like.forward,
+            None if like.parent < 0 else indices([branch.parent for branch in branches]),
+            indices(children),
+            columns,
+            indices([ball_of[i] for i in children]) if like.kind.ball else None,
+            JointSides(*(np.stack([getattr(each, name) for each in sides]) for name in JointSides.__slots__)),
+            [
+                (columns[k - like.first], np.stack(each))
+                for k, each in zip(like.angles, rotations, strict=False)
+            ],
+            [
+                (link == like.child, np.stack([self.axes[i][k][1] for i in children]))
+                for k, (link, _) in enumerate(self.axes[like.child])
+            ],
+        )
 
     @cached_property
     def length(self) -> float:

@@ -1,0 +1,214 @@
+"""Sparse systems of many instants as one banded system, in an order that keeps entries next to the diagonal.
+
+A row of loops is solved in time proportional to its length, instead of its cube.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechsim.numerics.arrays import Array
+
+# smallest ratio of the number of unknowns to the bandwidth
+MIN_RATIO = 4
+# largest number of Lanczos steps, number between two estimates, and their relative difference at the end
+LANCZOS_STEPS, BETWEEN, CONVERGED = 60, 3, 1e-14
+
+
+@dataclass(frozen=True)
+class SparseMatrices:
+    """Matrices of n instants with entries at the same positions, each position once.
+
+    Attributes:
+        rows: row of each entry, (e,).
+        columns: its column, (e,).
+        values: its values, (e, n).
+        shape: number of rows and columns.
+    """
+
+    rows: NDArray[np.intp]
+    columns: NDArray[np.intp]
+    values: Array
+    shape: tuple[int, int]
+
+    @cached_property
+    def dense(self) -> Array:
+        """The matrices, (rows, columns, n)."""
+        out = np.zeros((*self.shape, self.values.shape[1]))
+        out[self.rows, self.columns] = self.values
+        return out
+
+    def times(self, vectors: Array) -> Array:
+        """Return the products with vectors (columns, n), (rows, n); n may be 1 for one of both."""
+        terms = self.values * vectors[self.columns]
+        out = np.zeros((self.shape[0], terms.shape[1]))
+        np.add.at(out, self.rows, terms)
+        return out
+
+
+@dataclass(frozen=True)
+class Band:
+    """Order of equations and unknowns in which a sparse square matrix is banded.
+
+    Attributes:
+        entries: indices of its entries among those of a larger sparse matrix, (k,).
+        equations: position of each equation, (u,).
+        unknowns: position of each unknown, (u,).
+        positions: position of each entry: row and column in the band's order, (2, k).
+        widths: number of diagonals below and above the main one.
+    """
+
+    entries: NDArray[np.intp]
+    equations: NDArray[np.intp]
+    unknowns: NDArray[np.intp]
+    positions: NDArray[np.intp]
+    widths: tuple[int, int]
+
+    @property
+    def numbers(self) -> int:
+        """Count of the numbers of a matrix as it is factorised."""
+        return len(self.unknowns) * (2 * self.widths[0] + self.widths[1] + 1)
+
+    @cached_property
+    def parity(self) -> float:
+        """Sign that both orders give the determinant."""
+        count = len(self.equations)
+        return float(
+            np.linalg.det(np.eye(count)[self.equations]) * np.linalg.det(np.eye(count)[self.unknowns])
+        )
+
+
+def band(pattern: SparseMatrices, rows: NDArray[np.intp], columns: NDArray[np.intp]) -> Band | None:
+    """Return the order in which selected rows and columns, as many, are banded; None for a wide band.
+
+    Source: E. Cuthill and J. McKee, Reducing the bandwidth of sparse symmetric matrices, 24th ACM National
+    Conference (1969), of rows and columns matched as the diagonal.
+    """
+    count = len(rows)
+    from scipy import sparse
+    from scipy.sparse import csgraph
+
+    row_of, column_of = (np.full(length, -1) for length in pattern.shape)
+    row_of[rows], column_of[columns] = np.arange(count), np.arange(count)
+    entries = np.flatnonzero((row_of[pattern.rows] >= 0) & (column_of[pattern.columns] >= 0))
+    i, j = row_of[pattern.rows[entries]], column_of[pattern.columns[entries]]
+    graph: Any = csgraph
+    matched = np.asarray(
+        graph.maximum_bipartite_matching(sparse.csr_matrix((np.ones(len(i)), (i, j))), perm_type="row")
+    )
+    if len(matched) != count or (matched < 0).any():
+        return None
+    # the row that each column is matched with is the same node
+    equal = np.empty(count, dtype=np.intp)
+    equal[matched] = np.arange(count)
+    order = graph.reverse_cuthill_mckee(
+        sparse.csr_matrix((np.ones(len(i)), (equal[i], j))), symmetric_mode=False
+    )
+    position = np.empty(count, dtype=np.intp)
+    position[order] = np.arange(count)
+    equations = position[equal]
+    positions = np.stack([equations[i], position[j]])
+    below = positions[0] - positions[1]
+    widths = max(int(below.max()), 0), max(int(-below.min()), 0)
+    return Band(entries, equations, position, positions, widths) if sum(widths) * MIN_RATIO < count else None
+
+
+@dataclass(frozen=True)
+class BandedSystems:
+    """Square systems of n instants.
+
+    Attributes:
+        band: their order.
+        values: their entries, (k, n).
+    """
+
+    band: Band
+    values: Array
+
+    def __len__(self) -> int:
+        return self.values.shape[1]
+
+    @cached_property
+    def dense(self) -> Array:
+        """The matrices, (n, u, u)."""
+        band = self.band
+        out = np.zeros((self.values.shape[1], *[len(band.equations)] * 2))
+        out[:, band.positions[0], band.positions[1]] = self.values.T
+        return out[:, band.equations[:, None], band.unknowns]
+
+    @cached_property
+    def _factors(self) -> tuple[Array, NDArray[np.intp], bool]:
+        """LU factors and pivots of the systems one after another, and whether one is singular (LAPACK)."""
+        from scipy.linalg import lapack
+
+        (low, high), n, count = self.band.widths, self.values.shape[1], len(self.band.equations)
+        rows = 2 * low + high + 1
+        storage = np.zeros((n, count, rows))
+        i, j = self.band.positions
+        storage[:, j, low + high + i - j] = self.values.T
+        routines: Any = lapack
+        factors, pivots, info = routines.dgbtrf(storage.reshape(-1, rows).T, low, high, overwrite_ab=True)
+        return factors, pivots, bool(info)
+
+    def solution(self, right: Array, transposed: bool = False) -> Array:
+        """Return the solutions (n, u) of right sides (n, u); of k n right sides those of k copies.
+
+        Raises:
+            LinAlgError: if a system is singular.
+        """
+        from scipy.linalg import lapack
+
+        factors, pivots, singular = self._factors
+        if singular:
+            raise np.linalg.LinAlgError("Singular matrix")
+        first, last = self.band.equations, self.band.unknowns
+        if transposed:
+            first, last = last, first
+        ordered = np.empty_like(right)
+        ordered[:, first] = right
+        sides = ordered.reshape(-1, factors.shape[1]).T
+        routines: Any = lapack
+        solved, _ = routines.dgbtrs(factors, *self.band.widths, sides, pivots, trans=int(transposed))
+        return solved.T.reshape(right.shape)[:, last]
+
+    @cached_property
+    def determinant(self) -> tuple[Array, Array]:
+        """Signs, and logarithms of magnitudes, (n,) each."""
+        factors, pivots, _ = self._factors
+        diagonal = factors[sum(self.band.widths)].reshape(self.values.shape[1], -1)
+        swapped = (pivots != np.arange(len(pivots))).reshape(diagonal.shape).sum(1)
+        sign = np.sign(diagonal).prod(1) * np.where(swapped % 2, -1.0, 1.0) * self.band.parity
+        with np.errstate(divide="ignore"):
+            return sign, np.log(np.abs(diagonal)).sum(1)
+
+    @cached_property
+    def smallest_singular_values(self) -> Array:
+        """Smallest singular value of each matrix A, (n,): the largest of its inverse.
+
+        Source: Lanczos' method with complete reorthogonalisation for (A^T A)^-1; G. Golub and C. Van Loan,
+        Matrix Computations (2013), chapter 10.
+        """
+        n, count = self.values.shape[1], len(self.band.equations)
+        basis, projected = np.empty((LANCZOS_STEPS + 1, n, count)), np.zeros((n, *[LANCZOS_STEPS + 1] * 2))
+        start = np.random.default_rng(0).standard_normal(count)
+        basis[0], before = start / np.linalg.norm(start), np.zeros(n)
+        for k in range(0 if self._factors[2] else LANCZOS_STEPS):
+            ahead = self.solution(self.solution(basis[k], transposed=True))
+            projected[:, k, k] = np.einsum("nu,nu->n", basis[k], ahead)
+            # the second projection removes the rounding of the first
+            for _ in range(2):
+                ahead -= np.einsum(
+                    "kn,knu->nu", np.einsum("knu,nu->kn", basis[: k + 1], ahead), basis[: k + 1]
+                )
+            length = np.linalg.norm(ahead, axis=1)
+            projected[:, k, k + 1] = projected[:, k + 1, k] = length
+            basis[k + 1] = ahead / np.where(length > 0.0, length, 1.0)[:, None]
+            if k % BETWEEN == BETWEEN - 1:
+                largest = np.linalg.eigvalsh(projected[:, : k + 1, : k + 1])[:, -1]
+                if (largest - before <= CONVERGED * largest).all():
+                    return 1.0 / np.sqrt(largest)
+                before = largest
+        return np.asarray(np.linalg.svd(self.dense, compute_uv=False)[:, -1], dtype=np.float64)

@@ -1,0 +1,83 @@
+"""Sparse square systems are solved in the order that makes them banded, as numpy solves the dense ones."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mechsim.numerics.banded import BandedSystems, SparseMatrices, band
+
+COUNT = 150
+
+
+def shuffled(links: list[tuple[int, int]]) -> tuple[SparseMatrices, np.ndarray]:
+    """Return sparse matrices of three instants in a random order, and the dense ones.
+
+    Their entries are at the links and on a diagonal, which is dominant.
+    """
+    random = np.random.default_rng(1)
+    entries = np.array([*((i, i) for i in range(COUNT)), *links])
+    rows, columns = (random.permutation(COUNT)[entries[:, k]] for k in (0, 1))
+    values = random.uniform(0.1, 0.9, (len(entries), 3)) * random.choice([-1.0, 1.0], (len(entries), 1))
+    values[:COUNT] *= 5.0
+    dense = np.zeros((3, COUNT, COUNT))
+    dense[:, rows, columns] = values.T
+    return SparseMatrices(rows, columns, values, (COUNT, COUNT)), dense
+
+
+def chain(width: int) -> list[tuple[int, int]]:
+    return [(i, i - k) for k in range(1, width + 1) for i in range(k, COUNT)]
+
+
+def systems(matrices: SparseMatrices) -> BandedSystems:
+    order = band(matrices, np.arange(COUNT), np.arange(COUNT))
+    assert order is not None
+    # a chain of equations, each with the unknown before it, is within a diagonal or two of the main one
+    assert sum(order.widths) <= 4
+    return BandedSystems(order, matrices.values[order.entries])
+
+
+@pytest.mark.parametrize("width", [1, 2])
+def test_a_shuffled_chain_is_solved_as_dense_matrices_are(width):
+    matrices, dense = shuffled(chain(width))
+    own = systems(matrices)
+    np.testing.assert_array_equal(own.dense, dense)
+    right = np.random.default_rng(2).standard_normal((6, COUNT))
+    expected = np.linalg.solve(np.tile(dense, (2, 1, 1)), right[..., None])[..., 0]
+    np.testing.assert_allclose(own.solution(right), expected, rtol=1e-9, atol=1e-11)
+    expected = np.linalg.solve(dense.transpose(0, 2, 1), right[:3, :, None])[..., 0]
+    np.testing.assert_allclose(own.solution(right[:3], transposed=True), expected, rtol=1e-9, atol=1e-11)
+    np.testing.assert_allclose(
+        matrices.times(right[:3].T), np.einsum("nij,nj->in", dense, right[:3]), atol=1e-13
+    )
+    sign, logarithm = np.linalg.slogdet(dense)
+    np.testing.assert_array_equal(own.determinant[0], sign)
+    np.testing.assert_allclose(own.determinant[1], logarithm, rtol=1e-12)
+    values = np.linalg.svd(dense, compute_uv=False)
+    np.testing.assert_allclose(own.smallest_singular_values, values[:, -1], rtol=1e-9)
+
+
+def test_a_singular_system_is_reported_and_has_the_singular_value_zero():
+    matrices, _ = shuffled(chain(1))
+    values = matrices.values.copy()
+    values[(matrices.rows == 5), 1] = 0.0
+    own = systems(replace(matrices, values=values))
+    with pytest.raises(np.linalg.LinAlgError):
+        own.solution(np.ones((3, COUNT)))
+    assert own.determinant[0].tolist()[1] == 0.0
+    assert own.smallest_singular_values[1] <= 1e-12 < own.smallest_singular_values[0]
+
+
+def test_unknowns_that_all_share_one_stay_dense():
+    everything_on_one = [(i, 0) for i in range(1, COUNT)] + [(0, i) for i in range(1, COUNT)]
+    matrices, _ = shuffled(everything_on_one)
+    assert band(matrices, np.arange(COUNT), np.arange(COUNT)) is None
+
+
+def test_equations_that_determine_no_unknown_have_no_order():
+    matrices, _ = shuffled(chain(1))
+    kept = matrices.columns != 7
+    others = replace(
+        matrices, rows=matrices.rows[kept], columns=matrices.columns[kept], values=matrices.values[kept]
+    )
+    assert band(others, np.arange(COUNT), np.arange(COUNT)) is None
