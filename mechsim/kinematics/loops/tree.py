@@ -107,6 +107,8 @@ Indices: TypeAlias = slice | NDArray[np.intp]
 
 def indices(values: Sequence[int]) -> Indices:
     """Return indices as a slice if they are equally spaced, else as an array."""
+    if not values:
+        return slice(0)
     step = values[1] - values[0] if len(values) > 1 else 1
     regular = step > 0 and [*values] == [*range(values[0], values[0] + len(values) * step, step)]
     return slice(values[0], values[-1] + 1, step) if regular else np.array(values)
