@@ -19,13 +19,16 @@ from mechsim.numerics.gauss_collocation import STIFF_NODES, TAIL, rule
 FINISHED, FULL, BLOCKED, FAILED = range(4)
 # largest relative difference of the derivatives by C and by numpy: rounding near a singular configuration
 AGREED = 1e-7
+# index of a coordinate, and values in units between which it is watched
+Watched = tuple[int, float, float]
+NOTHING: Watched = (-1, 0.0, 0.0)
 # numbers of a step in C, of which the last four belong to the balance of energy
 STEP = 6
 _REALS = (
     *("time", "end", "tolerance", "length", "longest", "nearest", "fastest"),
-    *("energy", "correction", "largest", "drift"),
+    *("energy", "correction", "largest", "drift", "lower", "upper"),
 )
-_INTS = ("rank", "implicit", "resting", "max_steps", "steps", "evaluations", "status")
+_INTS = ("rank", "implicit", "resting", "max_steps", "steps", "evaluations", "status", "watched")
 _POINTERS = ("at_rest", "phase", "sliding", "scale", "origin", "rule", "state", "step", "dense")
 
 
@@ -105,6 +108,7 @@ class StepSettings:
         at_rest: indices of the coordinates that friction or stops hold.
         implicit: whether Newton's method solves the stiff equations of a step; if not, rates are scaled to
             the energy.
+        watched: index of a coordinate, and its values in units beyond which the steps end; -1 for none.
     """
 
     tolerance: float
@@ -116,6 +120,7 @@ class StepSettings:
     mode: ContactMode
     at_rest: Sequence[int]
     implicit: bool
+    watched: Watched = NOTHING
 
 
 @dataclass(frozen=True, slots=True)
@@ -189,11 +194,12 @@ def integrated(
     scale = np.ascontiguousarray(settings.scale, dtype=np.float64)
     sliding, phase, at_rest = _arrays(settings.mode, settings.at_rest)
     correction, largest, drift, fastest = balance
+    watched, *limits = settings.watched
     arrays = at_rest, phase, sliding, scale, settings.origin, collocation_rule(), state, numbers, dense
     run = RunData(  # in the order of its fields
         *(time, end, settings.tolerance, length, settings.longest, settings.nearest, fastest),
-        *(energy, correction, largest, drift),
-        *(settings.rank, settings.implicit, len(at_rest), max_steps, 0, 0, 0),
+        *(energy, correction, largest, drift, *limits),
+        *(settings.rank, settings.implicit, len(at_rest), max_steps, 0, 0, 0, watched + 1),
         *(array.ctypes.data for array in arrays),
     )
     model.library.integrate(ctypes.byref(model.data), ctypes.byref(run))

@@ -62,7 +62,9 @@ class CrankTurns:
         """Return the trajectory to the last revolution, or to a time in [s], with its outcome."""
         expected = self.expected_time(integration.kinematics()) if duration is None else duration
         latest = PATIENCE * expected if duration is None else duration
-        trajectory = integration.run(latest, self.functions(expected), expected)
+        distance = REVOLUTION * abs(self.turns)
+        watched = self._crank, self.start - distance, self.start + distance
+        trajectory = integration.run(latest, self.functions(expected), expected, watched)
         outcome, reason = self.outcome(trajectory, integration.kinematics(), latest)
         return replace(trajectory, outcome=outcome, reason=reason)
 

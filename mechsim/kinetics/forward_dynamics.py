@@ -22,9 +22,11 @@ from mechsim.kinetics.compiled_model import CompiledModel, NotCompiledError, com
 from mechsim.kinetics.compiled_motion import (
     BLOCKED,
     FAILED,
+    NOTHING,
     DenseSteps,
     StepSettings,
     StepsInC,
+    Watched,
     agreed_pivot,
     evaluated,
     integrated,
@@ -122,8 +124,9 @@ INSTANTS = np.concatenate([[0.0], np.geomspace(1e-7, 1e-2, 10), np.linspace(0.0,
 # the same within each step in C, which is a tenth as long: one instant per variation of the dense output; and
 # within one by collocation
 WITHIN, WITHIN_STIFF = 4, 16
-# numbers of steps that C takes before events are searched: few at first, since those beyond an event are lost
-FEW_STEPS, MANY_STEPS = 8, 512
+# numbers of steps that C takes before events are searched: few at first, as those beyond an event are lost,
+# unless C watches for it
+FEW_STEPS, WATCHED_STEPS, MANY_STEPS = 8, 64, 512
 # difference of the instants of simultaneous events, relative to the longest interval of the search: rounding
 SIMULTANEOUS = 1e-10
 
@@ -246,11 +249,16 @@ class Integration:
         self.passing, self.note = False, ""
         self.executed: Executed = "numpy"
         self.ends: dict[str, EventFunction] = {}
+        self.watched = NOTHING
         self.event = ""
         self.balance = EnergyBalance(equations, start)
 
     def run(
-        self, duration: float, ends: Mapping[str, EventFunction] | None = None, expected: float | None = None
+        self,
+        duration: float,
+        ends: Mapping[str, EventFunction] | None = None,
+        expected: float | None = None,
+        watched: Watched = NOTHING,
     ) -> Trajectory:
         """Integrate up to a duration or an event, and return the trajectory.
 
@@ -258,10 +266,12 @@ class Integration:
             duration: latest end in [s].
             ends: name of an event that ends the run -> function that falls through zero there.
             expected: expected end in [s]; the default is the duration.
+            watched: index of a coordinate, and its values in units beyond which one of the ends lies.
         """
         outcome: Outcome = "done"
         reason = ""
         self.ends, self.duration = dict(ends or {}), expected or duration
+        self.watched = watched
         try:
             if self._impact():
                 self.events.append(self.time)
@@ -388,10 +398,20 @@ class Integration:
         scale = scale_of(self.layout, start, self.fastest, self.duration, self.displacement)
         scale, energy = self._with_energies(scale), self.balance.initial
         settings = StepSettings(
-            self.tolerance, scale, self.origin, self.longest, rank, nearest, mode, locked, self.implicit
+            self.tolerance,
+            scale,
+            self.origin,
+            self.longest,
+            rank,
+            nearest,
+            mode,
+            locked,
+            self.implicit,
+            self.watched,
         )
-        eventful = bool(self.ends or self.contacts.stops or self.equations.frictions or mode.phases)
-        max_steps, length = FEW_STEPS if eventful else MANY_STEPS, 0.0
+        eventful = bool(self.contacts.stops or self.equations.frictions or mode.phases)
+        few = FEW_STEPS if self.watched == NOTHING else WATCHED_STEPS
+        max_steps, length = FEW_STEPS if eventful else few if self.ends else MANY_STEPS, 0.0
         while self.time < duration:
             balance = (self.balance.correction, self.balance.largest, self.balance.drift, self.fastest)
             steps = integrated(

@@ -18,17 +18,18 @@ from mechsim.kinetics.equations_of_motion import (
     with_locked_rows,
 )
 from mechsim.mechanism.links import GROUND
-from mechsim.numerics.arrays import Array, cross
-from mechsim.numerics.rank import RANK_TOLERANCE, null_space
+from mechsim.numerics.arrays import EPS, Array, cross
+from mechsim.numerics.rank import RANK_TOLERANCE, null_space, significant
 
-# shortest step of a coordinate towards its initial value, in [rad] or characteristic lengths: the linear
-# model of the loops is valid for several times that
-STEP = 0.05
+# usual shortest step of a coordinate towards its initial value, in [rad] or characteristic lengths: the
+# linear model of the loops is valid for several times that; and fraction of it that steps next to another
+# assembly mode may have
+STEP, SHORTEST = 0.05, 1e-6
 # residual of closed loops between such steps
 BETWEEN = 1e-6
-# longer steps are predicted by polynomials through so many points before, and miss at most this fraction of
-# the motion: another assembly mode is farther away
-POINTS, PREDICTED = 4, 0.1
+# largest ratio of steps to it; longer ones are predicted by polynomials through so many points before, and
+# miss at most this fraction of the motion: another assembly mode is farther away
+MAX_RATIO, POINTS, PREDICTED = 4.0, 4, 0.1
 # relative error of rates above which their requested values contradict the loops
 CONSISTENT = 1e-9
 
@@ -120,6 +121,7 @@ def _moved(
     loops = replace(loops, driven=(*loops.driven, *named, *kept.values(), *constant))
     least = min(1.0, STEP / widest)
     reached, step, path = 0.0, least, [(0.0, q)]
+    matrix, values = _jacobian_and_values(loops, q)
     while reached < 1.0:
         goal = min(1.0, reached + step)
         short, residual = goal - reached <= 1.01 * least, CLOSED if goal == 1.0 else BETWEEN
@@ -130,12 +132,33 @@ def _moved(
             guess.turns[number] = turned_by(start[None], vector[None] * goal)[0][..., None]
         new, gap = _nearest(loops, guess, residual)
         moved, deviation = (_distances(loops.units, new, other) for other in (path[-1][1], guess))
-        if short or ((gap <= residual).all() and (deviation <= PREDICTED * moved + 10.0 * BETWEEN).all()):
+        after, smallest = _jacobian_and_values(loops, new)
+        # the determinant changes its sign between two assembly modes that meet
+        same = bool((np.linalg.slogdet(matrix.transpose(0, 2, 1) @ after)[0] >= 0.0).all())
+        predicted = (gap <= residual) & (deviation <= PREDICTED * moved + 10.0 * BETWEEN)
+        if (short and (same or goal - reached < SHORTEST * least)) or (same and predicted.all()):
             _require_closed(equations, gap, residual, kept)
-            reached, step, path = goal, 2.0 * (goal - reached), [*path, (goal, new)]
+            # modes meet where a singular value is zero: halfway there at most
+            ahead = 0.5 * (smallest / np.maximum(values - smallest, EPS)).min()
+            step = max(least, min(2.0, ahead) * (goal - reached))
+            step, matrix, values = min(step, MAX_RATIO * least), after, smallest
+            # a curve may bend within a short step
+            reached, path = goal, [*(path[-1:] if short else path), (goal, new)]
         else:
-            step = max(0.5 * (goal - reached), least)
+            step = max(0.5 * (goal - reached), 0.0 if short else least)
     return path[-1][1]
+
+
+def _jacobian_and_values(loops: TreeLoops, q: Coordinates) -> tuple[Array, Array]:
+    """Return the loops' Jacobian by unknown coordinates, (n, rows, u), and its least nonzero values, (n,).
+
+    The Jacobian of an undetermined motion is left out as zeros.
+    """
+    matrix = loops.linearise(q)[1][:, loops.unknown].transpose(2, 0, 1)
+    values: Array = np.linalg.svd(matrix, compute_uv=False).astype(np.float64)
+    nonzero = significant(values)
+    matrix = np.where(np.all(nonzero, 1)[:, None, None], matrix, 0.0)
+    return matrix, np.where(nonzero, values, 10.0).min(1, initial=10.0)
 
 
 def _rotation_vectors(starts: Sequence[Array], ends: Sequence[Array]) -> list[Array]:

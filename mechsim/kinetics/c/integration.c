@@ -101,8 +101,9 @@ enum { FINISHED, FULL, SINGULAR, FAILED };
 #endif
 
 typedef struct {
-    double time, end, tolerance, length, longest, nearest, fastest, energy, correction, largest, drift;
-    int rank, implicit, resting, max_steps, steps, evaluations, status;
+    double time, end, tolerance, length, longest, nearest, fastest, energy, correction, largest, drift, lower, upper;
+    /* watched: number of a coordinate, from 1 on, that ends the steps beyond `lower` or `upper`; 0 for none */
+    int rank, implicit, resting, max_steps, steps, evaluations, status, watched;
     const int *at_rest;
     const double *phase;
     /* origin: state from which displacements count; rule: `collocation_rule` of compiled_motion.py */
@@ -620,7 +621,12 @@ static int take_implicit_step(const Model *m, Work *w, Run *run, Nodes *x, doubl
     }
 }
 
-/* integrates until the end, or until there is no space for more steps, or no step is possible */
+static int beyond(const Run *run) {
+    double value = run->watched ? run->state[run->watched - 1] : 0.0;
+    return run->watched && run->steps && !(run->lower <= value && value <= run->upper);
+}
+
+/* integrates until the end or a watched value, or until there is no space for more steps, or no step is possible */
 int integrate(const Model *m, Run *run) {
     int size = size_of(m);
     Work *w = workspace(m, run->resting);
@@ -634,7 +640,7 @@ int integrate(const Model *m, Run *run) {
     }
     Nodes *x = run->status == FINISHED && run->implicit ? nodes_of(m, m->free - w->rank) : NULL;
     if (run->status == FINISHED && run->implicit && !x) run->status = FAILED;
-    while (run->status == FINISHED && run->time < run->end) {
+    while (run->status == FINISHED && run->time < run->end && !beyond(run)) {
         double *after = slopes + 16 * size, *trial = after + size;
         run->status = run->steps == run->max_steps ? FULL
                     : run->implicit                ? take_implicit_step(m, w, run, x, slopes)
