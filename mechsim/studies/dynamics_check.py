@@ -80,7 +80,6 @@ def crosscheck_driven(
     run: Driven,
     model: DynamicModel,
     *,
-    bounds: Mapping[str, Tolerance] | None = None,
     progress: Progress = no_progress,
 ) -> Verdict:
     """Compare a prescribed run with inverse dynamics at its own angles, speeds and accelerations.
@@ -88,7 +87,6 @@ def crosscheck_driven(
     Args:
         run: from `simulation.dynamics.prescribed_motion.driven`.
         model: the analytic side.
-        bounds: as in `crosscheck_forces`.
         progress: called with a text and the finished fraction.
     """
     motion = run.motion
@@ -98,13 +96,8 @@ def crosscheck_driven(
     # MuJoCo's model has negligible masses and moments where the mechanism has none
     model = replace(model, mechanism=with_accepted_inertia(model.mechanism))
     study = prescribed(model, *instants, time=motion.time, as_run=motion, progress=progress)
-    return crosscheck_forces(
-        run.forces,
-        study.forces,
-        method=run.method,
-        bounds=bounds,
-        conditioning=conditioning_of(model.solver.mechanism, motion),
-    )
+    conditioning = conditioning_of(model.solver.mechanism, motion)
+    return crosscheck_forces(run.forces, study.forces, method=run.method, conditioning=conditioning)
 
 
 def compared_segments(run: DynamicRun) -> tuple[RunSegment, ...]:

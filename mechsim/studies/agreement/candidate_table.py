@@ -55,7 +55,10 @@ def points_of_table(
     names = {driver: column for driver, column in columns.items() if column is not None}
     missing = [driver for driver in columns if driver not in names]
     if time_column is not None and not laws.crank and missing:
-        return _under_motion_laws(solver, laws, table[time_column]), [time_column]
+        last = float(table[time_column].max())
+        if last > laws.duration:
+            solver = solver.with_mechanism(mechanism, motion_laws=replace(laws, duration=last))
+        return _at_times(solver, laws, table[time_column]), [time_column]
     if missing:
         raise InputError(
             f"{source} has no column {', '.join(missing)} (it has {', '.join(table)}); give one for each "
@@ -71,14 +74,6 @@ def points_of_table(
     used += [time_column] if time_column else []
     evaluation = _at_times(own, through, time - time[0])
     return replace(evaluation, time=time if time_column else None), used
-
-
-def _under_motion_laws(solver: KinematicSolver, laws: MotionLaws, time: Array) -> EvaluationPoints:
-    """Return a solver under its own motion laws at the times of a table."""
-    last = float(time.max())
-    if last > laws.duration:
-        solver = solver.with_mechanism(solver.mechanism, motion_laws=replace(laws, duration=last))
-    return _at_times(solver, laws, time)
 
 
 def _at_times(solver: KinematicSolver, laws: MotionLaws, time: Array) -> EvaluationPoints:

@@ -156,22 +156,16 @@ class Misfit:
         if placed not in self._by_dimension:
             # if the derivatives fail, they are not tried again
             self._by_dimension[placed] = {}
-            self._by_dimension[placed] = derivatives_by_dimension(self.evaluation, designs)
+            change: dict[str, Array] = {}
+            for dimension in designs.dimensions:
+                # not of dimensions that cannot change on their own
+                with suppress(MechsimError, ValueError):
+                    change |= changes(designs, [dimension])
+            change = {dimension: derivative for dimension, derivative in change.items() if derivative.any()}
+            points = self.evaluation
+            path = points.angle, points.speed, points.acceleration
+            self._by_dimension[placed] = motion_derivatives(points.solver, change, *path, torn=True).by
         return self._by_dimension[placed][name]
-
-
-def derivatives_by_dimension(evaluation: EvaluationPoints, designs: DesignFamily) -> Mapping[str, Motion]:
-    """Return the derivatives of a motion by all dimensions that can change on their own."""
-    change: dict[str, Array] = {}
-    for name in designs.dimensions:
-        try:
-            change |= changes(designs, [name])
-        except (MechsimError, ValueError):
-            continue
-    change = {name: derivative for name, derivative in change.items() if derivative.any()}
-    return motion_derivatives(
-        evaluation.solver, change, evaluation.angle, evaluation.speed, evaluation.acceleration, torn=True
-    ).by
 
 
 # largest number of steps, and of halvings of one step
@@ -300,10 +294,11 @@ def _jacobian(current: Fitted) -> Array | None:
             return -current.misfit.scaled(hypothesis.derivative())[:, None]
     columns: list[Array] = []
     for row in np.diag(hypothesis.steps):
-        step = row if (ahead := current.moved(row)) is not None else -row
-        if ahead is None and (ahead := current.moved(step)) is None:
+        ahead = current.moved(row)
+        trial = current.moved(-row) if ahead is None else ahead
+        if trial is None:
             return None
-        columns.append((ahead.errors - current.errors) / step.sum())
+        columns.append((trial.errors - current.errors) / (-row if ahead is None else row).sum())
     return np.stack(columns, 1)
 
 

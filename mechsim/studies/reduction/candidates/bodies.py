@@ -1,6 +1,6 @@
 """Removal candidates, in particular for bodies: joints that hardly move, and disconnected bodies."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 
 Edit = Callable[[mujoco.MjSpec], None]
+# number of names in a message
+LISTED = 4
 
 
 class NotApplicable(Exception):  # noqa: N818
@@ -79,10 +81,10 @@ def count_text(number: int, singular: str, plural: str | None = None) -> str:
     return f"{number} {singular if number == 1 else plural or singular + 's'}"
 
 
-def name_list(names: list[str], limit: int = 4) -> str:
+def name_list(names: Sequence[str]) -> str:
     """Return the first names, comma-separated, and the number of other names."""
-    more = f" and {len(names) - limit} more" if len(names) > limit else ""
-    return ", ".join(names[:limit]) + more
+    more = f" and {len(names) - LISTED} more" if len(names) > LISTED else ""
+    return ", ".join(names[:LISTED]) + more
 
 
 # displacement of a joint above which it is not proposed, in [rad] or characteristic lengths

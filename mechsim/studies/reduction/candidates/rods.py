@@ -145,7 +145,7 @@ def rods_as_lengths(observed: Evidence) -> list[RemovalCandidate]:
         if closing.type != CONNECT or rod_of_chain(observed.spec, chain) is None:
             continue
         for stiffness, constant in options.items():
-            rod_name = f"rod {name_list(list(chain.bodies))}"
+            rod_name = f"rod {name_list(chain.bodies)}"
             what = f"{rod_name} with loop {chain.closing}: kept as a length, {stiffness}"
             edit = partial(_as_length, chain=chain, constant=constant)
             candidates.append(RemovalCandidate("rods as lengths", what, edit))
@@ -218,7 +218,7 @@ def passive_chains(observed: Evidence) -> list[RemovalCandidate]:
     """Propose to fuse each passive chain and each passive leaf body."""
     fused: list[tuple[LooseChain, str]] = []
     for chain in loose_chains(observed):
-        joints = f"{count_text(len(chain.joints), 'joint')}, {name_list(list(chain.joints))}"
+        joints = f"{count_text(len(chain.joints), 'joint')}, {name_list(chain.joints)}"
         fused.append((chain, f"loop {chain.closing} with {joints}: fused"))
     for name in _leaves(observed):
         joints = tuple(joint.name for joint in observed.spec.body(name).joints)
