@@ -146,12 +146,12 @@ class CompiledSolver:
         if not (np.isfinite(first).all() and np.isfinite(second).all()):
             raise InputError(f"{self.name}: rates or accelerations of drivers are not finite; give numbers")
         self._require_memory(len(drivers))
-        solved = self._configurations(drivers, first, second)
+        solved = self.configurations(drivers, first, second)
         if solved.count < len(drivers):
             raise AssemblyError(self._failure(drivers[solved.count], solved.status))
         return solved
 
-    def _configurations(self, drivers: Array, rates: Array, accelerations: Array) -> Configurations:
+    def configurations(self, drivers: Array, rates: Array, accelerations: Array) -> Configurations:
         """Return configurations at driver values, rates and accelerations, (n, drivers) each, in sequence."""
         sizes, inertias, n = self.code.sizes, self.code.inertias, len(drivers)
         motion = np.empty((n, 3, sizes["COORDINATES"]))

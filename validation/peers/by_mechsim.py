@@ -107,7 +107,7 @@ class CompiledCode:
 
     def run(self) -> tuple[float, Positions]:
         begin = time.process_time()
-        solved = self.solver.library.solve(self.drivers, self.rates, np.zeros_like(self.rates))
+        solved = self.solver.configurations(self.drivers, self.rates, np.zeros_like(self.rates))
         seconds = time.process_time() - begin
         names = list(self.solver.code.formulas.links)
         result: dict[str, Array] = {}
