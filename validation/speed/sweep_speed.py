@@ -23,7 +23,7 @@ SWEEPS = (
     ("warp_knitter", 2_000, None, "--vary crank1=8.9mm:9.1mm --measure range:rocker"),
     ("bennett", 2_000, None, "--vary length0=49mm:51mm --measure range:rocker"),
     ("five_bar", 2_000, None, "--vary half=29mm:31mm --measure max:P.x"),
-    ("planetary_gear", 2_000, None, "--vary module=1.9mm:2.1mm --measure max:carrier.v"),
+    ("planetary_gear", 2_000, None, "--vary module=1.9:2.1 --measure max:carrier.v"),
     # one design at a time, for its own equations of motion
     ("four_bar", 1_000, None, "--vary crank=29mm:35mm --measure max:torque"),
 )
