@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from mechsim.errors import AssemblyError
 from mechsim.numerics import rank as numerical_rank
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.newton import NewtonSettings, newton
+from mechsim.numerics.newton import NewtonSettings, newton, square_solution
 from mechsim.numerics.rank import FLOOR, RANK_TOLERANCE, least_norm, significant
 from mechsim.simulation.model_loops import ModelLoops
 
@@ -30,6 +30,10 @@ class LinearisedClosure:
     def matrix(self) -> Array:
         """Jacobians of the residuals in their units, (n, m, nv)."""
         return self.derivative()
+
+    def solution(self, right: Array, /) -> Array:
+        """Return the unknowns (n, nv) that give right sides (n, m) of square systems."""
+        return square_solution(self.matrix, right)
 
 
 @dataclass(frozen=True)
