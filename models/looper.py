@@ -28,7 +28,7 @@ from mechsim.formulas import (
     rotate,
     values,
 )
-from mechsim.kinematics.vector_method import trig_polynomial
+from mechsim.kinematics.vector_method import trig_quartic
 from mechsim.kinematics.vector_method.root_branches import Sheet, sheets
 from mechsim.kinematics.vector_method.trig_polynomial import reachable_arcs, sampled_polynomial
 from mechsim.numerics.arrays import REVOLUTION, shifted_into
@@ -218,7 +218,7 @@ class Looper(ClosedForm):
         number = abs(self.side) - 1
         return self._sheets[number] if number < len(self._sheets) else None
 
-    def _cylinder(self, flat: _Planar) -> trig_polynomial.Coefficients:
+    def _cylinder(self, flat: _Planar) -> trig_quartic.Coefficients:
         """Return (y_C - q)2 + (z_C - p)2 - f2 as a polynomial of the cone angle.
 
         Source: paper 004, eqs (2): with the cone angle t, y_C = y0 + r cos t and z_C = R sin t.
@@ -238,17 +238,17 @@ class Looper(ClosedForm):
         if not isinstance(angle, Jet):
             return root_angle
         return jet_root(
-            lambda t: trig_polynomial.polynomial_value(coefficients, t),
+            lambda t: trig_quartic.polynomial_value(coefficients, t),
             root_angle,
-            trig_polynomial.derivative(at_rest, root_angle),
+            trig_quartic.derivative(at_rest, root_angle),
         )
 
     def _root_on_sheet(self, angles: Array, coefficients: Array) -> Array:
         if self._sheet is None:
             return np.full_like(angles, np.nan)
         sheet, layer = self._sheet
-        roots = trig_polynomial.real_roots(coefficients)
-        fits = np.sign(self.side) * trig_polynomial.derivative(coefficients, roots) > 0.0
+        roots = trig_quartic.real_roots(coefficients)
+        fits = np.sign(self.side) * trig_quartic.derivative(coefficients, roots) > 0.0
         unrolled = sheet.unrolled(_within(angles, self.crank_range()), layer)
         away = np.abs(np.mod(roots - sheet.guide(unrolled) + np.pi, 2.0 * np.pi) - np.pi)
         best = np.argmin(np.where(fits, away, np.inf), 0)
@@ -270,8 +270,8 @@ class Looper(ClosedForm):
             return None
         flat = self.plane.directions(np.zeros(count))
         coefficients = _stacked(self._cylinder(flat))
-        roots = trig_polynomial.real_roots(coefficients)
-        fits = np.sign(self.side) * trig_polynomial.derivative(coefficients, roots) > 0.0
+        roots = trig_quartic.real_roots(coefficients)
+        fits = np.sign(self.side) * trig_quartic.derivative(coefficients, roots) > 0.0
         alone = np.where(fits, roots, 0.0).sum(0)
         return self._posed(flat, np.where(fits.sum(0) == 1, alone, np.nan))
 
@@ -287,7 +287,7 @@ class Looper(ClosedForm):
         yield "follower", LinkFrame(foot, x=ex, y=(tip - foot) / self.follower)
 
 
-def _stacked(coefficients: trig_polynomial.Coefficients) -> Array:
+def _stacked(coefficients: trig_quartic.Coefficients) -> Array:
     """Return the coefficients without derivatives, (5, n)."""
     rest = (
         values(coefficient) if isinstance(coefficient, Jet) else coefficient for coefficient in coefficients

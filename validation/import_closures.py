@@ -14,7 +14,6 @@ import structure
 
 # (module, imported module) -> what asks for the import
 GATES = {
-    ("kinematics.formulas.two_branch", "kinematics.vector_method.trig_polynomial"): "two assembly modes",
     ("numerics.loop_solver", "numerics.banded"): "a hundred unknowns",
     ("kinematics.loops.constraints", "numerics.banded"): "a hundred unknowns",
     ("io.toml_reader", "io.toml_forces"): "forces in TOML",

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import mechsim as ms
-from mechsim.kinematics.vector_method import trig_polynomial
+from mechsim.kinematics.vector_method import trig_quartic
 from mechsim.mechanism.links import EX, EZ, GROUND
 
 TABLE = Path(__file__).parents[2] / "validation" / "papers" / "looper_table.py"
@@ -110,10 +110,10 @@ def test_a_vanishing_leading_coefficient_loses_no_root():
     # the leading coefficient of the quartic in the half angle vanishes
     for opposite in (0.0, 1e-17, 1e-9):
         polynomial = np.array([[1.0 + opposite], [1.0], [0.3], [0.0], [0.0]])
-        roots = np.sort(trig_polynomial.real_roots(polynomial)[:, 0])
+        roots = np.sort(trig_quartic.real_roots(polynomial)[:, 0])
         real = roots[~np.isnan(roots)]
         assert len(real) == 2
-        assert np.abs(trig_polynomial.polynomial_value(polynomial, real[:, None])).max() <= 1e-14
+        assert np.abs(trig_quartic.polynomial_value(polynomial, real[:, None])).max() <= 1e-14
 
 
 @pytest.fixture(scope="module")

@@ -1,12 +1,10 @@
 """Mechanisms with two assembly modes."""
 
-from __future__ import annotations
-
 import copy
 from abc import abstractmethod
 from collections.abc import Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,14 +12,17 @@ from numpy.typing import ArrayLike
 from mechsim.kinematics.formulas.closed_form import ClosedForm
 from mechsim.kinematics.formulas.parameters import FormulaParameter
 from mechsim.kinematics.path_instants import crank_angles
+from mechsim.kinematics.vector_method.trig_polynomial import (
+    SignedRoot,
+    reachable_arcs,
+    sampled_polynomial,
+    signed_root,
+)
 from mechsim.kinematics.vector_method.vectors import Sign
 from mechsim.mechanism.motion import ChangePointPolicy
 from mechsim.mechanism.motion_laws import Arcs, interval_around
 from mechsim.numerics.arrays import REVOLUTION, Array
 from mechsim.numerics.jets import Values, values
-
-if TYPE_CHECKING:
-    from mechsim.kinematics.vector_method.trig_polynomial import SignedRoot
 
 # smallest discriminant at a start, relative to the largest: nearer to a dead centre the modes coincide
 MIN_START_DISCRIMINANT = 1e-3
@@ -148,14 +149,10 @@ class TwoBranchForm(ClosedForm):
 
     @cached_property
     def _arcs(self) -> Arcs:
-        from mechsim.kinematics.vector_method.trig_polynomial import reachable_arcs
-
         return reachable_arcs(self.discriminant, self.discriminant_degree)
 
     @cached_property
     def _root(self) -> SignedRoot:
-        from mechsim.kinematics.vector_method.trig_polynomial import sampled_polynomial, signed_root
-
         return signed_root(sampled_polynomial(self.discriminant, self.discriminant_degree))
 
     @cached_property

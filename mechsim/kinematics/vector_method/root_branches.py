@@ -12,7 +12,7 @@ from itertools import permutations
 
 import numpy as np
 
-from mechsim.kinematics.vector_method import trig_polynomial
+from mechsim.kinematics.vector_method import trig_quartic
 from mechsim.mechanism.motion_laws import Arcs
 from mechsim.numerics.arrays import REVOLUTION, Array
 
@@ -101,8 +101,8 @@ def _over(coefficients: Coefficients, arc: tuple[float, float], full: bool, sign
     """Return the sheets over an interval; those of a full revolution can continue across its ends."""
     folds, nodes = _nodes(coefficients, arc, full)
     polynomials = coefficients(nodes)
-    roots = trig_polynomial.real_roots(polynomials)
-    kept = np.where(sign * trig_polynomial.derivative(polynomials, roots) > 0.0, roots, np.nan)
+    roots = trig_quartic.real_roots(polynomials)
+    kept = np.where(sign * trig_quartic.derivative(polynomials, roots) > 0.0, roots, np.nan)
     columns = [column[~np.isnan(column)] for column in kept.T]
     count = len(columns)
     follows: dict[tuple[int, int], tuple[int, int]] = {}
@@ -166,10 +166,10 @@ def _nodes(coefficients: Coefficients, arc: tuple[float, float], full: bool) -> 
         base = (low + high) / 2.0 - (high - low) / 2.0 * np.cos(np.pi * (np.arange(NODES) + 0.5) / NODES)
 
     def apart(angles: Array) -> Array:
-        return trig_polynomial.discriminant(coefficients(angles))
+        return trig_quartic.discriminant(coefficients(angles))
 
     def count(angles: Array) -> Array:
-        return (~np.isnan(trig_polynomial.real_roots(coefficients(angles)))).sum(0)
+        return (~np.isnan(trig_quartic.real_roots(coefficients(angles)))).sum(0)
 
     nodes, folds = base, np.empty(0)
     for _ in range(PASSES):
