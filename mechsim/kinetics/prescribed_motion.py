@@ -178,15 +178,17 @@ def prescribed_along(
         times = angle / w
     standing = np.abs(w) <= STILL * np.abs(w).max()
     chunks: list[InverseDynamics] = []
-    for first in range(0, n, batch):
-        rows = slice(first, first + batch)
-        instants = None if times is None else times[rows]
-        run = None if as_run is None else select_instants(as_run, rows)
-        unit = model.unit_motion(angle[rows], run, within=True)
-        acting = {name: effort[rows] for name, effort in (actuators or {}).items()}
-        chunks.append(moved_as(model, unit, w[rows], e[rows], instants, standing[rows], acting))
-        finished = min(first + batch, n)
-        progress(f"{finished:,} of {n:,} instants", finished / n)
+    for start in range(0, n, BATCH_SIZE):
+        whole = slice(start, min(start + BATCH_SIZE, n))
+        run = None if as_run is None else select_instants(as_run, whole)
+        moved = model.unit_motion(angle[whole], run, within=True)
+        for first in range(start, whole.stop, batch):
+            rows = slice(first, min(first + batch, whole.stop))
+            unit = moved.select(slice(first - start, rows.stop - start))
+            instants = None if times is None else times[rows]
+            acting = {name: effort[rows] for name, effort in (actuators or {}).items()}
+            chunks.append(moved_as(model, unit, w[rows], e[rows], instants, standing[rows], acting))
+            progress(f"{rows.stop:,} of {n:,} instants", rows.stop / n)
     return chunks[0] if len(chunks) == 1 else _joined(chunks)
 
 

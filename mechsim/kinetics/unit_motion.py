@@ -4,8 +4,10 @@ At crank speed w and acceleration e, a velocity is w times the first derivative,
 times the first plus w2 times the second derivative.
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 
 import numpy as np
@@ -18,7 +20,7 @@ from mechsim.mechanism.forces import Location, located
 from mechsim.mechanism.joints import End, Joint
 from mechsim.mechanism.links import GROUND, Pose, Vector
 from mechsim.mechanism.mechanism import Mechanism
-from mechsim.mechanism.motion import Motion, short_repr
+from mechsim.mechanism.motion import Motion, select_instants, short_repr
 from mechsim.numerics.arrays import Array, cross
 from mechsim.numerics.jets import stepped_least_norm, stepped_null_space
 from mechsim.numerics.rank import RANK_TOLERANCE
@@ -61,6 +63,11 @@ class UnitMotion:
 
     def __len__(self) -> int:
         return len(self.angle)
+
+    def select(self, rows: slice) -> UnitMotion:
+        """Return the motion at some of the instants."""
+        names = [field.name for field in fields(self) if field.name != "mechanism"]
+        return replace(self, **{name: select_instants(getattr(self, name), rows) for name in names})
 
     @cached_property
     def masses(self) -> Array:

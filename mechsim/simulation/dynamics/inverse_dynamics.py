@@ -35,6 +35,8 @@ from mechsim.simulation.recording import CHUNK, States, closure_acceleration, li
 from mechsim.simulation.settings import set_armature
 from mechsim.simulation.stepping import rescale_coupled_tendons
 
+# squares of the degrees of freedom of the states solved together: matrices of 32 MB each
+CHUNK_NUMBERS = 4_000_000
 # ratio of the regularisation of a friction to its inverse inertia, and MuJoCo's smallest impedance (mjMINIMP)
 REGULARISATION, MIN_IMPEDANCE = 1e-4, 1e-4
 
@@ -324,12 +326,12 @@ def inverse_dynamics(
     qpos, path = follow.follow_path(loaded.loops, loaded.qpos, angle)
     neighbourhoods = list(path.near_change_points(angle))
     away = moved_away(qpos, neighbourhoods)
-    chunks = []
-    for first in range(0, len(time), CHUNK):
-        chunk = slice(first, first + CHUNK)
+    chunks, count = [], max(1, min(CHUNK, CHUNK_NUMBERS // loaded.model.nv**2))
+    for first in range(0, len(time), count):
+        chunk = slice(first, first + count)
         states = States(time[chunk], away[chunk], _rates(loaded, away[chunk]) * speed[chunk, None])
         chunks.append((states, _prescribed_forces(loaded, states, acceleration[chunk])))
-        finished = min(first + CHUNK, len(time))
+        finished = min(first + count, len(time))
         progress(f"{finished:,} of {len(time):,} poses", finished / len(time))
     record = join([record for _, record in chunks])
     interpolated = np.zeros(len(time), dtype=np.bool_)
