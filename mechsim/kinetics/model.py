@@ -22,9 +22,11 @@ from mechsim.mechanism.motion_laws import MotionLaws
 REPEATED = 4
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class DynamicModel:
     """A mechanism with masses and forces; made by `dynamic_model`.
+
+    Two models are equal if they are one object, for which equations are kept.
 
     Attributes:
         mechanism: the mechanism; every link has an inertia.
@@ -37,8 +39,6 @@ class DynamicModel:
     solver: KinematicSolver
 
     __repr__ = short_repr
-    # what follows from a model is kept for this object, not for equal ones
-    __hash__ = object.__hash__
 
     @property
     def masses(self) -> tuple[LinkMass, ...]:
