@@ -63,6 +63,7 @@ GATES = {
     ("numerics.collocation", "numerics.balls"): "a table of a motion law, enclosed",
     ("io.toml_reader", "mechanism.forces"): "forces in TOML",
     ("simulation.mjcf.generator", "simulation.mjcf.force_elements"): "a scene with forces",
+    ("studies.export", "simulation.mjcf.force_elements"): "Coulomb friction",
     ("io.toml_coordinates", "mechanism.nonlinear_springs"): "soft stops in TOML",
     ("io.toml_values", "mechanism.coupling_functions"): "functions in TOML",
     ("mechanism.forces", "mechanism.nonlinear_springs"): "soft stops",

@@ -20,7 +20,6 @@ from mechsim.mechanism.mechanism import Mechanism, require_polynomials
 from mechsim.mechanism.scene import Level, Scene
 from mechsim.simulation.mjcf.compiling import to_xml
 from mechsim.simulation.mjcf.equalities import TIME_CONSTANT_STEPS
-from mechsim.simulation.mjcf.force_elements import coulomb_name
 from mechsim.simulation.mjcf.generator import set_drive_inertia
 from mechsim.simulation.mjcf.joints import CRANK, limit_joints
 from mechsim.simulation.settings import plain_settings
@@ -229,13 +228,13 @@ def _menagerie_text(
 
 def _omitted(solver: KinematicSolver, container: str, spec: mujoco.MjSpec, ranges: Ranges) -> str:
     """Give a model its ranges; return a sentence on what it cannot contain."""
-    # where MuJoCo has no Coulomb friction, an actuator waits for a caller that computes it in each step
-    names = [actuator.name for actuator in spec.actuators]
-    dry = [
-        friction.joint
-        for friction in forces_of(solver).friction
-        if any(name.startswith(coulomb_name(friction.joint)) for name in names)
-    ]
+    dry: list[str] = []
+    if rubbing := [friction.joint for friction in forces_of(solver).friction if friction.coulomb]:
+        from mechsim.simulation.mjcf.force_elements import coulomb_name
+
+        # where MuJoCo has no Coulomb friction, an actuator waits for a caller that computes it in each step
+        names = [actuator.name for actuator in spec.actuators]
+        dry = [joint for joint in rubbing if any(name.startswith(coulomb_name(joint)) for name in names)]
     return left_out(solver, container, limit_joints(spec, ranges), dry)
 
 
