@@ -25,7 +25,7 @@ from mechsim.mechanism.nonlinear_springs import NonlinearSpring, Phases, SpringL
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.complementarity import complementary, least_in_box
 from mechsim.numerics.newton import root
-from mechsim.numerics.rank import null_space
+from mechsim.numerics.rank import null_space, pseudo_inverse
 
 # largest number of changes of sticking, sliding and contact at one instant
 MAX_CHANGES = 50
@@ -54,6 +54,10 @@ REVERSAL = 1e-6
 STARTED = 1e-9
 # relative excess of a friction force over its limit that counts as rounding
 BALANCED = 1e-9
+# displacement in [rad] or characteristic lengths after which a joint at a dead centre moves visibly
+AHEAD = 1e-4
+# rate in [rad/s] or characteristic lengths per second that is rounding of zero at the start of a motion
+NO_RATE = 1e-30
 # smallest limit of a friction by the load, in [N] or [N m]: that of a joint without a load is zero
 NO_LIMIT = 1e-200
 # friction of a unit combination of redundant constraint forces, in [N] or [N m], that is rounding
@@ -146,7 +150,9 @@ class Contacts:
         moving = np.flatnonzero(mode.sliding)
         if len(moving):
             functions.append(
-                lambda state, _: self.equations.friction_rates(state)[moving] * mode.sliding[moving, None]
+                lambda state, _: (
+                    self.equations.friction_rates(state)[moving] * mode.sliding[moving, None] - NO_RATE
+                )
             )
         if mode.stuck:
             # positive for a balance to rounding
@@ -378,8 +384,9 @@ class Contacts:
             together = (
                 None if resting else self._at_rest(sticking)._moving_together(state, time, mode, fastest)
             )
-            if together is not None:
+            if together is not None and together.stuck in ([], stuck):
                 return together
+            mode = together or mode
         elif stuck:
             mode = self._started(state, time, mode)
         free = self.accelerate(state, np.array([time]), replace(mode, stuck=[])).acceleration
@@ -450,11 +457,11 @@ class Contacts:
     def _moving_together(
         self, state: Kinematics, time: float, mode: ContactMode, fastest: float
     ) -> ContactMode | None:
-        """Return the mode in which all frictions at rest slide, or all stick; None if neither is certain.
+        """Return the mode in which all frictions slide whose joints the forces move, or all stick.
 
         Just after the instant they slide as the forces without them tend to move the joints. If they then
         reverse this motion, they hold it, provided that there is only one: of several motions, some may
-        continue. `mode` has them sticking.
+        continue, and the answer is None. `mode` has them sticking; those of joints without motion stick.
         """
         equations, times = self.equations, np.array([time])
         tendency = self.accelerate(state, times, replace(mode, stuck=[])).acceleration
@@ -467,7 +474,19 @@ class Contacts:
         rates = equations.friction_rates(after)[:, 0]
         resting = np.isin(np.arange(len(rates)), mode.stuck)
         moving = resting & (np.abs(rates) > REST * np.abs(rates[resting]).max())
-        sliding = replace(mode, sliding=np.where(moving, np.sign(rates), mode.sliding), stuck=[])
+        # at a dead centre a joint moves only ahead of it
+        step = AHEAD / np.abs(after.rates).max() * after.rates
+        ahead = equations.kinematics(equations.loops.displaced(state.q, step), after.rates, state.activation)
+        free = after.rates[equations.free, 0]
+        free = free - pseudo_inverse(ahead.jacobian[0]) @ (ahead.jacobian - after.jacobian)[0] @ free
+        later = equations.friction_directions(ahead)[:, 0] @ free
+        at_dead_centre = resting & ~moving & (np.abs(later) > REST * np.abs(later).max())
+        directions = np.where(at_dead_centre, np.sign(later), mode.sliding)
+        sliding = replace(
+            mode,
+            sliding=np.where(moving, np.sign(rates), directions),
+            stuck=np.flatnonzero(resting & ~moving & ~at_dead_centre).tolist(),
+        )
         try:
             acceleration = self.accelerate(after, times, sliding).acceleration
         except FrictionError as error:

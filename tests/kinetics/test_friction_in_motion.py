@@ -36,6 +36,33 @@ def test_a_block_on_an_incline_slides_up_and_down_again(file):
     assert run.energy_error <= 1e-12
 
 
+def test_a_block_at_rest_keeps_its_friction_while_another_one_slides(file):
+    run = ms.dynamics.run(file(model_text("friction_in_motion_blocks.toml")), duration=1.0, samples=4)
+    # the second one starts where the force 20 t reaches its friction
+    friction = 0.3 * 3.0 * G
+    start = friction / 20.0
+    assert run.motion.joints["a"].value[-1] == pytest.approx((10.0 - 0.2 * 2.0 * G) / 4.0, rel=1e-12)
+    assert run.motion.joints["b"].value[-1] == pytest.approx(20.0 * (1.0 - start) ** 3 / 18.0, rel=1e-9)
+    assert run.events == pytest.approx([start], rel=1e-9)
+
+
+@pytest.mark.parametrize(("motion", "prescribed"), [("{}", []), ("{} + 3*t**2", ["crank"])])
+def test_a_slide_at_its_dead_centre_has_friction_as_soon_as_it_moves(motion, prescribed, file):
+    motor = ms.Forces() if prescribed else ms.Forces(motor=ConstantTorque(1.0))
+
+    def run(start):
+        press = ms.load(file(PRESS), drive={"crank": motion.format(start)} if prescribed else None)
+        model = ms.dynamics.dynamic_model(press, replace(motor, friction=press.forces.friction))
+        initial = {} if prescribed else {"crank.q": start}
+        arguments = {"prescribed": prescribed, "initial": initial, "duration": 0.1, "samples": 4}
+        return ms.dynamics.run(model, **arguments), model, initial_values(model, initial)
+
+    first, model, initial = run(0.0)
+    assert first.lost[-1] == pytest.approx(run(1e-7)[0].lost[-1], rel=1e-4)
+    if not prescribed:
+        assert crosscheck_forward(first, model, initial).passed
+
+
 @pytest.mark.parametrize(("mu", "outcome"), [(0.7501, "stopped"), (0.7499, "done")])
 def test_a_block_holds_above_the_angle_of_friction(mu, outcome, file):
     run = ms.dynamics.run(
