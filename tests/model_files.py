@@ -16,6 +16,16 @@ def model_text(name: str, **values: object) -> str:
     return Template(text).substitute(values) if values else text
 
 
+def changed_text(source: str | list[str]) -> str:
+    """Return a text or that of the file `models/NAME`; pairs of old and new texts may follow."""
+    first, *changes = [source] if isinstance(source, str) else source
+    text = model_text(first.removeprefix("models/")) if first.startswith("models/") else first
+    for old, new in zip(changes[::2], changes[1::2], strict=True):
+        assert old in text, f"{old} is not in {first}"
+        text = text.replace(old, new)
+    return text
+
+
 def model_mechanism(name: str) -> ms.Mechanism:
     """Return the mechanism of a file, assembled at its start."""
     return ms.load(str(FOLDER / name)).mechanism

@@ -1,5 +1,3 @@
-import json
-
 import numpy as np
 import pytest
 from exact_solutions import four_bar_b
@@ -11,7 +9,6 @@ from mechsim.kinematics.loops.motion import conditioning_of
 from mechsim.kinematics.solvers import KinematicSolver
 
 SWINGS = {"ground": 0.1, "crank": 0.09, "coupler": 0.05, "rocker": 0.06}
-TYPED = [f"--set={name}={value}" for name, value in SWINGS.items()]
 
 
 @pytest.mark.long
@@ -73,16 +70,3 @@ def test_a_well_conditioned_motion_needs_no_search_of_change_points(monkeypatch)
     monkeypatch.setattr(KinematicSolver, "change_points", lambda solver: pytest.fail("traced"))
     solver = KinematicSolver(catalog.make("four_bar").mechanism)
     assert loss_of_significance(solver, solver.solve([0.0, 0.1], 1.0)) is None
-
-
-def test_solve_reports_a_loss_of_significance_once_and_in_json(mechsim):
-    near_dead_centre = max(catalog.make("four_bar", **SWINGS).dead_centres()) - 1e-11
-    arguments = ["solve", "four_bar", *TYPED, "--angles", f"1:{near_dead_centre!r}:0.01"]
-    output = mechsim(*arguments, "-o", "out.csv").err.splitlines()
-    assert len(output) == 1
-    assert "correct digits" in output[0]
-    assert f"{near_dead_centre:.10g} rad" in output[0]
-    warning = json.loads(mechsim(*arguments, "--json").out)["few_digits"]
-    assert warning["over"] == "angle"
-    assert warning["digits"] < 6
-    assert json.loads(mechsim("solve", "rssr", "--json").out)["few_digits"] is None

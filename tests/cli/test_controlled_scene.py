@@ -35,10 +35,3 @@ def test_a_controlled_run_equals_plain_mujoco(mechsim, tmp_path):
     speed = np.gradient(table["pad.x"], table["t"])[5:-5]
     assert table["pad.vx"][5:-5] == pytest.approx(speed, abs=0.05 * np.abs(speed).max())
     assert len(table["effort:servo"]) == reported["rows"]
-
-
-def test_only_requested_settings_replace_those_of_the_file(mechsim):
-    settings = ("--setting", "integrator=implicitfast", "--setting", "solver=CG")
-    answer = mechsim(*COMMAND, "--timestep", "1ms", *settings, "--json")
-    settings = json.loads(answer.out)["settings"]
-    assert settings == {"timestep": 1e-3, "integrator": "implicitfast", "solver": "CG"}

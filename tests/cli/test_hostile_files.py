@@ -6,7 +6,6 @@ import subprocess
 import sys
 import time
 from pathlib import Path
-from string import Template
 
 import numpy as np
 import pytest
@@ -19,7 +18,6 @@ from mechsim.simulation.source import assembled
 TREE = model_text("hostile_files_tree.urdf")
 LOOPS = "closed_loop: [[end, follower_tip]]\ntype: [3d]\nname_mot: [motor]\njoint_name: []\njoint_type: []\n"
 MAP = ["map", "tree.urdf", "--loops", "loops.yaml", "--from", "motor=0:0.5", "--to", "hip", "-o", "out.npz"]
-SAMPLE = ["sample", "tree.urdf", "--loops", "loops.yaml", "-n", "3", "-o", "out.npz"]
 
 
 @pytest.fixture
@@ -44,166 +42,13 @@ def test_a_map_of_a_urdf_file_takes_the_loops_of_a_second_file(run, tmp_path):
     assert np.linalg.norm(end - pin, axis=1) == pytest.approx(np.ones(5), abs=1e-9)
 
 
-@pytest.mark.parametrize("arguments", [MAP, SAMPLE])
-def test_an_infinite_axis_is_rejected(run, tmp_path, arguments):
-    code, shown = run(arguments, axis="-inf")
+def test_a_key_of_many_names_is_rejected(run, tmp_path):
+    """A key of 100,000 names costs minutes in Python's reader."""
+    (tmp_path / "f.toml").write_text("a." * 100_000 + "a = 1")
+    code, shown = run(["show", "f.toml"])
     assert code == 2
-    assert "'knee' holds numbers that are not finite" in shown.err
-    assert not (tmp_path / "out.npz").exists()
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("arguments", [MAP, SAMPLE])
-def test_parts_that_are_not_read_are_reported(run, arguments):
-    code, shown = run(arguments, mimic='<mimic joint="moter" multiplier="2"/>')
-    assert code == 0
-    assert "did you mean 'motor'" in shown.err
-
-
-@pytest.mark.parametrize(
-    ("rate", "law"),
-    [("0", "log(0)"), *(("1", law) for law in ("log(0)", "sqrt(-1)", "1/crank.q", "sqrt(crank.q-1)"))],
-)
-def test_a_controller_that_is_not_finite_is_one_line(run, recwarn, rate, law):
-    with np.errstate(all="warn", under="ignore"):
-        run_on = f"dynamics forward four_bar --initial crank.v={rate} --duration 0.1s"
-        code, shown = run([*run_on.split(), "--motor", f"crank={law}"])
-    assert code == 2
-    assert "crank are not finite" in shown.err
-    assert not [warning for warning in recwarn if warning.category is RuntimeWarning]
-
-
-MJCF = """<mujoco>{asset}<worldbody>{more}<body name="b"><inertial pos="0 0 0" mass="{mass}"
-diaginertia="1 1 1"/><joint name="j"/></body></worldbody></mujoco>"""
-
-
-def mjcf(asset="", more="", mass="1"):
-    return MJCF.format(asset=asset, more=more, mass=mass)
-
-
-GEARS = Template(model_text("hostile_files_gears.toml"))
-
-
-@pytest.mark.parametrize(
-    ("name", "text", "command", "words"),
-    [
-        # rows and columns of 40 GB, copies of which MuJoCo makes 1e8, and 1e6 in two levels
-        (
-            "f.xml",
-            mjcf('<asset><hfield name="h" nrow="100000" ncol="100000" size="1 1 1 1"/></asset>'),
-            "show",
-            "10,000,000,000 parts",
-        ),
-        (
-            "f.xml",
-            mjcf(more='<replicate count="100000000"><geom size="1"/></replicate>'),
-            "check",
-            "100,000,000 parts",
-        ),
-        (
-            "f.xml",
-            mjcf(
-                more='<replicate count="999"><replicate count="999"><geom size="1"/></replicate></replicate>'
-            ),
-            "show",
-            "998,001 parts",
-        ),
-        ("f.xml", mjcf(mass="-1"), "show", "line 1: MuJoCo refuses it: body 'b' has a mass of -1 kg"),
-        ("f.xml", mjcf(mass="nan"), "check", "mass of nan kg"),
-        (
-            "f.urdf",
-            TREE.format(axis="1", mimic="").replace('"hip"', '"knee"'),
-            "show",
-            "2 joints with the name 'knee'",
-        ),
-        (
-            "f.urdf",
-            TREE.format(axis="1", mimic="").replace('"hip"', '""'),
-            "show",
-            "1 joint with the name ''",
-        ),
-        # a key of 100,000 names costs minutes in Python's reader
-        ("f.toml", "a." * 100_000 + "a = 1", "show", "nests too deep"),
-        ("f.toml", "name = 'g'\njoints = {}", "check", "no body can move"),
-        ("f.toml", "name = 'g'\njoints = {}", "export -o out.xml", "no body can move"),
-        (
-            "f.toml",
-            model_text("hostile_files_gears.toml", ratio="1e11"),
-            "solve",
-            "the ratio 1e+11; give 1e+06 at most",
-        ),
-        # a long word is cut
-        (
-            "f.urdf",
-            TREE.format(axis="1", mimic="").replace('xyz="1 0 0"', f'xyz="1 0 {"x" * 5000}"'),
-            "show",
-            "xxx...",
-        ),
-    ],
-)
-def test_a_hostile_file_ends_in_one_short_line(run, tmp_path, name, text, command, words):
-    (tmp_path / name).write_text(text)
-    verb, *options = command.split()
-    code, shown = run([verb, name, *options])
-    assert code == 2
-    assert words in shown.err
-    assert len(shown.err.splitlines()) == 1
+    assert "nests too deep" in shown.err
     assert len(shown.err) < 1000
-    assert not (tmp_path / "out.xml").exists()
-
-
-@pytest.mark.long
-def test_a_few_copies_and_the_largest_ratio_are_read(run, tmp_path):
-    copies = mjcf(more='<replicate count="20"/><replicate count="9"><geom size="1"/></replicate>' * 60)
-    for name, text in (("f.xml", copies), ("f.toml", GEARS.substitute(ratio="-1e6"))):
-        (tmp_path / name).write_text(text)
-        code, _ = run(["show", name])
-        assert code == 0
-
-
-def test_a_wheel_too_light_for_mujoco_is_named_with_its_limit(run, tmp_path):
-    (tmp_path / "f.toml").write_text(
-        'name = "rod"\njoints.a = { kind = "revolute", a = { link = "ground" }, b = { link = "rod" } }\n'
-        'points.tip = { link = "rod", at = [1e-6, 0, 0] }\nmotion_laws.a = "60rpm"\n'
-        "links.rod.inertia = { mass = 1e-17, centre = [0, 0, 0], moments = [1e-29, 1e-29, 1e-29] }\n"
-    )
-    for arguments in (
-        ["dynamics", "inverse", "f.toml"],
-        ["export", "f.toml", "--scene", "dynamics", "-o", "out.xml"],
-    ):
-        code, shown = run(arguments)
-        assert code == 2
-        assert "body 'rod' has a mass of 1e-17 kg and a moment of inertia of 1e-29" in shown.err
-        assert "larger than mjMINVAL, 1e-15" in shown.err
-    assert not (tmp_path / "out.xml").exists()
-
-
-@pytest.mark.parametrize("rows", ["\n\n\n", "\r\r\r", " \n"])
-def test_a_table_of_blank_lines_has_no_row(run, tmp_path, rows):
-    (tmp_path / "at.csv").write_text(rows, newline="")
-    code, shown = run(["solve", "slider_crank", "--at", "at.csv"])
-    assert code == 2
-    assert "at.csv holds no table of numbers" in shown.err
-    assert len(shown.err.splitlines()) == 1
-
-
-@pytest.mark.parametrize("command", ["show", "solve", "simulate --method pose", "export -o out.xml"])
-@pytest.mark.parametrize("coupler", ["rod", "Rod"])
-def test_a_link_of_a_planar_linkage_without_a_joint_is_rejected(run, tmp_path, coupler, command):
-    """Joints of PMKS; the last is a point of a link that nothing holds, the third joint may be misspelt."""
-    pins = [
-        (0, 0, "ground", "crank"),
-        (1, 0, "crank", "rod"),
-        (2, 2, coupler, "rocker"),
-        (3, 0, "rocker", "ground"),
-    ]
-    joints = [f'{{"X": {x}, "Y": {y}, "TypeOfJoint": "R", "Links": ["{a}", "{b}"]}}' for x, y, a, b in pins]
-    joints.append('{"X": 1, "Y": 1, "TypeOfJoint": "R", "Links": ["lost"]}')
-    (tmp_path / "f.json").write_text(f'{{"Joints": [{", ".join(joints)}], "DrivingIndex": 0}}')
-    name, *options = command.split()
-    code, shown = run([name, "f.json", *options])
-    assert code == 2
-    assert "no chain of joints leads from the frame to lost; add a joint" in shown.err
 
 
 @pytest.mark.long
@@ -226,7 +71,7 @@ def test_two_connects_of_a_hinge_of_a_file_agree_with_mujoco(run, tmp_path, name
 @pytest.mark.parametrize("arguments", [["show", "f\udcff.xml"], ["export", "four_bar", "-o", "f\udcff.xml"]])
 def test_a_file_name_that_is_not_text_is_rejected(run, tmp_path, arguments):
     if arguments[0] == "show":
-        (tmp_path / arguments[1]).write_text(mjcf())
+        (tmp_path / arguments[1]).write_text(model_text("finger.xml"))
     before = {*tmp_path.iterdir()}
     code, shown = run(arguments)
     assert code == 2
@@ -283,12 +128,3 @@ def test_loops_that_close_only_within_rounding_end_in_seconds(run, tmp_path):
     assert code == 0
     # it took more than 60 s
     assert time.process_time() - start < 20.0
-
-
-@pytest.mark.filterwarnings("error")
-def test_rows_of_positions_closer_than_rounding_are_one_position(run, tmp_path):
-    """The crank of 32 mm lies along x in both rows; the square of their distance is 0 in floating point."""
-    (tmp_path / "at.csv").write_text("crank\n0\n1e-300\n")
-    code, shown = run(["solve", "four_bar", "--at", "at.csv", "--json"])
-    assert code == 0
-    assert json.loads(shown.out)["columns"]["A.x"] == pytest.approx([0.032, 0.032], rel=1e-12)

@@ -49,32 +49,6 @@ def test_rods_of_another_material_are_listed_with_their_density():
     assert "steel" in summary(masses_of(with_inertia(ms.catalog.make("four_bar").mechanism)))
 
 
-def test_dynamics_reports_the_masses(mechsim, press):
-    options = ("--samples", "4", "--method", "none")
-    line = " ".join(mechsim("dynamics", "inverse", press, *options).out.split())
-    assert "masses: crank given, 0.5 kg; rod, slider computed as round steel rods of diameter" in line
-    assert "-v lists them" in line
-    table = mechsim("dynamics", "inverse", press, *options, "-v").out
-    assert "computed: steel rods, length 0.3 m, diameter" in table
-    reported = json.loads(mechsim("dynamics", "inverse", press, *options, "--json").out)["masses"]
-    assert [item["source"] for item in reported] == ["given", "rod", "rod"]
-    assert reported[1]["length"] == pytest.approx(0.3)
-    free = json.loads(
-        mechsim(
-            "dynamics", "forward", press, *options, "--json", "--motor", "constant:1", "--turns", "0.1"
-        ).out
-    )
-    assert free["masses"] == reported
-
-
-@pytest.mark.long
-def test_plots_report_masses_only_if_used(mechsim, press):
-    arguments = ("plot", press, "-o", "out.svg", "--json", "--kind")
-    reported = json.loads(mechsim(*arguments, "quantities", "--of", "torque").out)["masses"]
-    assert [item["link"] for item in reported] == ["crank", "rod", "slider"]
-    assert "masses" not in mechsim("plot", press, "--kind", "curve", "-o", "out.svg").out
-
-
 def test_comparisons_of_torques_report_the_masses(mechsim, press, tmp_path):
     mechanism = ms.load(press)
     torque = ms.dynamics.prescribed(ms.dynamics.dynamic_model(mechanism), [0.5, 1.0, 1.5], 10.0).forces.torque
@@ -90,22 +64,3 @@ def test_comparisons_of_torques_report_the_masses(mechsim, press, tmp_path):
     assert [item["source"] for item in reported["masses"]] == ["given", "rod", "rod"]
     verdict = ms.validate(press, str(table), speed=10.0, stepped=False)
     assert [item.link for item in verdict.masses] == ["crank", "rod", "slider"]
-
-
-@pytest.mark.slow
-def test_studies_and_renderings_of_forces_report_the_masses(mechsim):
-    swept = mechsim(
-        "sweep", "four_bar", "--vary", "crank=30mm:32mm:2", "--measure", "max:torque", "-o", "s.csv"
-    )
-    assert "masses of the original design: crank, coupler, rocker computed" in swept.out
-    assert (
-        "masses"
-        not in mechsim(
-            "sweep", "four_bar", "--vary", "crank=30mm:32mm:2", "--measure", "stroke:C", "-o", "s.csv"
-        ).out
-    )
-    derived = ("sensitivity", "four_bar", "--angles", "0:90:45deg", "--of")
-    assert "masses: crank, coupler, rocker computed" in mechsim(*derived, "torque").out
-    assert "masses" not in mechsim(*derived, "C").out
-    drawn = mechsim("render", "four_bar", "--arrows", "force", "--size", "64x48", "-o", "out.png")
-    assert "masses: crank, coupler, rocker computed" in drawn.out

@@ -6,27 +6,11 @@ from scene_texts import FINGER, FLOATING
 
 from mechsim.errors import InputError
 
-CONTROL = ("--ctrl", "servo=0.5*sin(2*pi*t)", "--duration", "0.2s")
-
 
 @pytest.fixture
 def finger(tmp_path):
     (tmp_path / "finger.xml").write_text(FINGER)
     return "finger.xml"
-
-
-@pytest.mark.slow
-def test_reduce_writes_a_scene_and_reports_each_removed_element(mechsim, finger, tmp_path):
-    output = mechsim(
-        "reduce", finger, "--tolerance", "7um", "--track", "pad", *CONTROL, "-o", "out.xml", "--json"
-    )
-    assert output.code == 0, output.err
-    reported = json.loads(output.out)
-    assert reported["error"] <= 7e-6
-    assert {"what", "category", "error"} <= set(reported["left_out"][0])
-    text = (tmp_path / "out.xml").read_text()
-    assert text.startswith("<!--")
-    assert all(item["what"] in text for item in reported["left_out"])
 
 
 def test_several_tracked_points_are_accepted(mechsim, finger, monkeypatch):

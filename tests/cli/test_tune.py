@@ -146,19 +146,3 @@ def test_an_open_start_is_reported_and_closed_in_the_tuned_file(mechsim, tmp_pat
     assert data.ctrl[0] == 0.3
     assert np.abs(data.efc_pos).max() < 1e-12
     assert data.qpos[0] == pytest.approx(0.01)
-
-
-@pytest.mark.slow
-def test_an_unreachable_tolerance_is_reported(mechsim, tmp_path):
-    arguments = ("--tolerance", "1e-15", "--drive", "knuckle=0.5*sin(2*pi*t)", "--budget", "4s")
-    answer = mechsim("tune", "finger.xml", *arguments, "--duration", "0.1s", "-o", "out.xml", "-o", "run.py")
-    assert answer.code == 1
-    assert "no MJCF file reaches 1e-15 m for this scene" in answer.out
-    assert "def steps(" in (tmp_path / "run.py").read_text()
-
-
-def test_the_input_file_is_not_overwritten(mechsim, tmp_path):
-    answer = mechsim("tune", "finger.xml", "--tolerance", "1e-5", "-o", "finger.xml")
-    assert answer.code == 2
-    assert "is the input file" in answer.err
-    assert (tmp_path / "finger.xml").read_text() == FINGER

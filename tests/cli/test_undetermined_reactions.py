@@ -1,7 +1,5 @@
 """Reactions that rigid links leave undetermined are those of minimum norm, and determined sums are stated."""
 
-import json
-
 import numpy as np
 import pytest
 from model_files import model_text
@@ -79,43 +77,3 @@ def test_determined_reactions_have_no_mark_and_no_sum(facts_of):
     own = facts["reactions"]["hinge0"]
     assert own["force"]["determined"]
     assert own["force"]["largest"] == pytest.approx(np.hypot(20.0 * 9.81, 8.0))
-
-
-def test_the_command_states_undetermined_reactions_and_their_sum(mechsim, file):
-    path = file(
-        DOOR
-        + model_text("undetermined_reactions_hinge.toml", i=0, z=0)
-        + model_text("undetermined_reactions_hinge.toml", i=1, z=2)
-    )
-    out = mechsim("dynamics", "inverse", path, "--method", "none").out
-    (row,) = (line for line in out.splitlines() if line.strip().startswith("force sum of"))
-    assert "196.4" in row
-    assert "of minimum norm" in out
-    reported = json.loads(mechsim("dynamics", "inverse", path, "--method", "none", "--json").out)
-    assert reported["sums"]["hinge0 + hinge1"]["force"]["largest"] == pytest.approx(np.hypot(196.2, 8.0))
-    assert reported["reactions"]["hinge1"]["force"]["largest"] > 98.1
-
-
-def test_the_table_has_the_torques_of_actuators(mechsim, tmp_path):
-    table = tmp_path / "table.csv"
-    options = ("--method", "none", "--samples", "8", "-o", str(table))
-    out = mechsim("dynamics", "inverse", "four_bar", "--actuators", "crank,rocker=2", *options).out
-    assert "drive torque alone" in out
-    header = table.read_text().splitlines()[0]
-    assert "actuator crank" in header
-    assert "actuator rocker" in header
-
-
-def test_a_sweep_prints_the_forces_of_dynamics(mechsim, tmp_path):
-    path = tmp_path / "door.toml"
-    text = (
-        DOOR
-        + model_text("undetermined_reactions_hinge.toml", i=0, z=0)
-        + model_text("undetermined_reactions_hinge.toml", i=1, z=2)
-    ).replace("mass = 20.0", 'mass = "m"')
-    path.write_text(text.replace("[links.door]", '[parameters]\nm = "20kg"\n[links.door]'))
-    reported = json.loads(mechsim("dynamics", "inverse", str(path), "--method", "none", "--json").out)
-    table = tmp_path / "sweep.csv"
-    mechsim("sweep", str(path), "--vary", "m=20kg:20kg:1", "--measure", "max:force:hinge1", "-o", str(table))
-    swept = float(table.read_text().splitlines()[1].split(",")[1])
-    assert swept == pytest.approx(reported["reactions"]["hinge1"]["force"]["largest"], rel=1e-12)

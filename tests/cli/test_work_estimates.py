@@ -16,17 +16,6 @@ from mechsim.cli import options, progress, solve
 from mechsim.mechanism.forces import Forces
 
 
-def test_too_many_steps_of_a_scene_are_rejected(mechsim: Call) -> None:
-    Path("pendulum.xml").write_text(
-        """<mujoco><worldbody><body><joint name="pivot"/><geom size=".1"/></body></worldbody>
-        <actuator><motor name="torque" joint="pivot"/></actuator></mujoco>"""
-    )
-    answer = mechsim(*["simulate", "pendulum.xml", "--ctrl", "torque=1", "--duration", "1e5"])
-    assert (answer.code, len(answer.err.splitlines())) == (2, 1)
-    assert "a motion of 100000 s with a time step of 0.002 s needs 5e+07 time steps" in answer.err
-    assert "the limit is 2,000,000" in answer.err
-
-
 def test_a_memory_error_of_mujoco_is_rejected_in_one_line(
     monkeypatch: pytest.MonkeyPatch, mechsim: Call
 ) -> None:
@@ -37,17 +26,6 @@ def test_a_memory_error_of_mujoco_is_rejected_in_one_line(
     answer = mechsim("solve", "four_bar")
     assert (answer.code, len(answer.err.splitlines())) == (2, 1)
     assert "not enough memory" in answer.err
-
-
-@pytest.mark.slow
-def test_a_diverging_comparison_of_a_stiff_motor_has_a_remedy(mechsim: Call) -> None:
-    command = "dynamics forward four_bar --motor line:1e7,600rpm --samples 1200 --turns 0.01"
-    answer = mechsim(*command.split())
-    # without line breaks
-    output = " ".join(answer.out.split())
-    assert answer.code == 1
-    assert "MuJoCo's state became invalid with steps of" in output
-    assert "--method none" in output
 
 
 def test_a_crank_under_a_stiff_motor_reaches_its_speed() -> None:

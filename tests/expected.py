@@ -1,0 +1,95 @@
+"""Expected values as data, in tables of TOML: the path of a value, and what holds for it.
+
+A path names keys, attributes and numbers of a list, joined by dots; `*` stands for all of a list or a
+dictionary. What holds is a value, which the actual one equals, or a table of the conditions below, all of
+which hold.
+"""
+
+import re
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+
+def select(value: Any, path: str) -> Any:
+    """Return the value at a path."""
+    if isinstance(value, np.ndarray):
+        value = value.tolist()
+    if not path:
+        return value
+    if isinstance(value, dict):
+        # a key may contain dots
+        for key in sorted(map(str, value), key=len, reverse=True):
+            if path == key or path.startswith(f"{key}."):
+                return select(value[key], path[len(key) + 1 :])
+    head, _, rest = path.partition(".")
+    if head == "*":
+        return [select(item, rest) for item in (value.values() if isinstance(value, dict) else value)]
+    if isinstance(value, list | tuple) and head.lstrip("-").isdigit():
+        return select(value[int(head)], rest)
+    assert not isinstance(value, dict), f"no {path} in {[*value]}"
+    return select(getattr(value, head), rest)
+
+
+def normalised(text: str) -> str:
+    """Return a text without line breaks and repeated blanks."""
+    return " ".join(text.split())
+
+
+# condition -> whether a value satisfies its number, text or list
+CONDITIONS: dict[str, Callable[[Any, Any], bool]] = {
+    "above": lambda value, limit: bool(np.all(np.array(value) > limit)),
+    "below": lambda value, limit: bool(np.all(np.array(value) < limit)),
+    "at_least": lambda value, limit: bool(np.all(np.array(value) >= limit)),
+    "at_most": lambda value, limit: bool(np.all(np.array(value) <= limit)),
+    "has": lambda value, items: all(
+        (normalised(item) in normalised(value)) if isinstance(value, str) else item in value
+        for item in ([items] if isinstance(items, str) else items)
+    ),
+    "like": lambda value, pattern: re.match(pattern, value) is not None,
+    "lacks": lambda value, items: not any(item in value for item in items),
+    "keys": lambda value, keys: list(value) == keys,
+    "set_of": lambda value, items: sorted(set(value)) == items,
+    "true": lambda value, requested: bool(value) is requested,
+}
+# what is taken of the values of a list before they are compared
+REDUCTIONS: dict[str, Callable[[Any], Any]] = {
+    "length": len,
+    "largest": lambda value: max(value, key=abs),
+    "sum": sum,
+    "rows": lambda columns: len(columns[0]),
+    "range": lambda value: float(np.ptp(value)),
+}
+
+
+def holds(value: Any, requested: Any, reported: Any = None) -> bool:
+    """Return whether a value is the requested one, or satisfies the requested conditions.
+
+    The requested value `json` is the path of one of the reported ones.
+    """
+    if not isinstance(requested, dict):
+        return bool(value == requested)
+    rest = dict(requested)
+    if reduction := rest.pop("of", None):
+        value = REDUCTIONS[reduction](value)
+    tolerance = {name: rest.pop(name) for name in ("rel", "abs") if name in rest}
+    assert rest, f"{requested} states no value"
+    if "json" in rest:
+        rest["is"] = select(reported, rest.pop("json")) * rest.pop("times", 1)
+    if "is" in rest:
+        target = rest.pop("is")
+        if not (value == pytest.approx(target, **tolerance) if tolerance else value == target):
+            return False
+    return all(CONDITIONS[name](value, limit) for name, limit in rest.items())
+
+
+def deviations(value: Any, requested: dict[str, Any], reported: Any = None) -> list[str]:
+    """Return what differs from a table of paths and expected values."""
+    actual = {path: select(value, path) for path in requested}
+    return [
+        f"{path}: {actual[path]!r}, not {requested[path]}"
+        for path in requested
+        if not holds(actual[path], requested[path], reported)
+    ]
