@@ -451,6 +451,13 @@ def row_of_parallel_cranks(count):
     return ms.Mechanism("row", links, tuple(joints), "A0", points, guess=guess, start=np.pi / 2.0)
 
 
+def test_rows_of_loops_eliminated_in_their_order_are_the_same_in_c_and_in_numpy():
+    """The row of thirty has more rows than are eliminated by the largest norm, and three of five are dependent."""
+    for count in (5, 30):
+        expected, result = both(row_of_parallel_cranks(count), 4)
+        assert np.abs(result - expected).max() <= 1e-10 * np.abs(expected).max()
+
+
 @pytest.mark.long
 def test_a_row_of_thirty_loops_runs_in_c():
     """The cranks stay parallel: ((N + 1) / 3 + N) a'' = -((N + 1) / 2 + N) g cos a, in [m]."""

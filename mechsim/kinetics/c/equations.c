@@ -137,19 +137,25 @@ typedef struct {
 /* one state and what follows from it */
 typedef struct {
     double *q, *turns, *position, *rotation, *unit_twist, *twist, *bias, *force, *inertia;
-    double *rows, *residual, *gamma, *mass, *effort, *reflectors, *triangle, *vector, *basis, *reduced;
+    double *rows, *residual, *gamma, *mass, *effort, *reflectors, *vector, *basis, *reduced;
     /* forces of controllers and actuators on all coordinates, and rates of the actuators' states */
     double *applied, *inflow;
     /* rates of prescribed coordinates, in units */
     double *speed;
     /* of friction by the load: each link's inertia, wrench of each row of a cut, multipliers, and forces on links;
        magnitudes, their changes of the accelerations, and terms of the loads, without them and by a unit of each */
-    double *own, *across, *multiplier, *found, *twisting, *carried, *pull, *push, *magnitude, *moved, *terms;
+    double *own, *across, *multiplier, *twisting, *carried, *pull, *push, *magnitude, *moved, *terms;
     double *moving;
-    /* of the elimination: what is left of the rows; columns and numbers of entries of the reflectors, columns
-       that they eliminate, and whether one does */
+    /* of the rows: columns and numbers of their entries, with a bit for each column modulo 64, and what is left of them
+       in the elimination; of its reflectors: where their columns begin in `columns`, numbers of entries, columns that
+       they eliminate, and whether one does; of each column: whether it is marked, and columns and number of its entries
+       in the mass matrix */
+    int *columns, *lengths;
+    unsigned long long *bits;
     double *norms;
-    int *support, *entries, *pivots, *eliminated;
+    int *begin, *entries, *pivots, *eliminated, *marked, *coupled, *couplings;
+    /* of the rows of the reduced mass matrix: their first entry */
+    int *first;
     /* rows in the order of elimination; whether a row depends on others, so that stages leave it out */
     int *order, *dependent;
     double potential, kinetic, power_in, power_lost, smallest, time;
@@ -174,13 +180,19 @@ static void rotate(const double *r, const double *v, double *out) {
     out[0] = x, out[1] = y, out[2] = z;
 }
 
-static void multiply(const double *a, const double *b, int transposed_b, double *out) {
-    for (int i = 0; i < 3; i++)
-        for (int j = 0; j < 3; j++) {
-            const double *column = transposed_b ? b + 3 * j : b + j;
-            int step = transposed_b ? 1 : 3;
-            out[3 * i + j] = a[3 * i] * column[0] + a[3 * i + 1] * column[step] + a[3 * i + 2] * column[2 * step];
-        }
+static void multiply(const double *a, const double *b, double *out) {
+    for (int i = 0; i < 9; i += 3) {
+        double x = a[i], y = a[i + 1], z = a[i + 2];
+        out[i] = x * b[0] + y * b[3] + z * b[6];
+        out[i + 1] = x * b[1] + y * b[4] + z * b[7];
+        out[i + 2] = x * b[2] + y * b[5] + z * b[8];
+    }
+}
+
+/* a b' */
+static void multiply_transposed(const double *a, const double *b, double *out) {
+    for (int i = 0; i < 9; i += 3)
+        out[i] = dot(a + i, b), out[i + 1] = dot(a + i, b + 3), out[i + 2] = dot(a + i, b + 6);
 }
 
 static double inner(int n, const double *a, const double *b) {
@@ -232,11 +244,12 @@ static void relative_rotation(const Work *w, const Branch *b, const double *turn
         for (int k = 0; k < 9; k++) rotation[i][k] = f[3 * k] + f[3 * k + 1] * c + f[3 * k + 2] * s;
     }
     if (angles == 1) memcpy(out, rotation[0], sizeof rotation[0]);
-    else if (angles == 2) multiply(rotation[0], rotation[1], 0, out);
-    else if (!b->ball) multiply(b->parent_frame, b->child_frame, 1, out);
+    else if (angles == 2) multiply(rotation[0], rotation[1], out);
+    else if (!b->ball) multiply_transposed(b->parent_frame, b->child_frame, out);
     else {
-        multiply(b->parent_frame, turn, !b->forward, rotation[0]);
-        multiply(rotation[0], b->child_frame, 1, out);
+        if (b->forward) multiply(b->parent_frame, turn, rotation[0]);
+        else multiply_transposed(b->parent_frame, turn, rotation[0]);
+        multiply_transposed(rotation[0], b->child_frame, out);
     }
 }
 
@@ -266,7 +279,7 @@ static void set_poses(const Model *m, Work *w, const double *state) {
             memcpy(rotation, relative, sizeof relative);
         } else {
             rotate(w->rotation + 9 * b->parent, b->parent_point, arm);
-            multiply(w->rotation + 9 * b->parent, relative, 0, rotation);
+            multiply(w->rotation + 9 * b->parent, relative, rotation);
         }
         for (int k = b->first; k < b->first + b->slides + b->turns; k++) {
             const Coordinate *c = m->coordinates + k;
@@ -314,15 +327,33 @@ static void set_velocities(const Model *m, Work *w, const double *rates) {
     }
 }
 
+/* removes the entries of a row of the Jacobian */
+static void clear_row(const Model *m, Work *w, int row) {
+    for (int i = 0; i < w->lengths[row]; i++) w->rows[row * m->free + w->columns[row * m->free + i]] = 0.0;
+    w->lengths[row] = 0, w->bits[row] = 0;
+}
+
+/* adds the entry of a column to those of a row */
+static void add_entry(int n, Work *w, int row, int column) {
+    w->columns[row * n + w->lengths[row]++] = column;
+    w->bits[row] |= 1ULL << (column & 63);
+}
+
+/* sets a derivative by a coordinate, unless that is prescribed */
+static inline void set_entry(const Model *m, Work *w, int row, int coordinate, double value) {
+    int column = m->coordinates[coordinate].column;
+    if (column < 0 || value == 0.0) return;
+    w->rows[row * m->free + column] = value;
+    add_entry(m->free, w, row, column);
+}
+
 /* Jacobian by the free coordinates of a row of a cut, from the wrench whose power is the rate of its residual */
 static void set_jacobian_row(const Model *m, Work *w, const Cut *cut, int row, const double *wrench) {
-    double *out = w->rows + row * m->free;
     if (m->loaded) memcpy(w->across + 6 * row, wrench, 6 * sizeof(double));
-    memset(out, 0, m->free * sizeof(double));
+    clear_row(m, w, row);
     for (int c = cut->first_column; c < cut->first_column + cut->columns; c++) {
         const Moved *moved = m->moved + c;
-        int column = m->coordinates[moved->coordinate].column;
-        if (column >= 0) out[column] = moved->sign * inner(6, wrench, w->unit_twist + 6 * moved->coordinate);
+        set_entry(m, w, row, moved->coordinate, moved->sign * inner(6, wrench, w->unit_twist + 6 * moved->coordinate));
     }
 }
 
@@ -403,11 +434,11 @@ static void set_coupling_row(const Model *m, Work *w, int i, int row, const doub
         value = f.value, first = f.rate, second = f.second;
     }
     w->residual[row] = (inner(m->count, left, w->q) - c->left_zero - value) / c->unit - c->offset;
+    clear_row(m, w, row);
     for (int k = 0; k < m->count; k++) {
-        const Coordinate *to = m->coordinates + k;
-        rate += rates ? right[k] * rates[k] * to->unit : 0.0;
-        if (to->column >= 0)
-            w->rows[row * m->free + to->column] = (left[k] - right[k] * first) / c->unit * to->unit;
+        double unit = m->coordinates[k].unit;
+        rate += rates ? right[k] * rates[k] * unit : 0.0;
+        set_entry(m, w, row, k, (left[k] - right[k] * first) / c->unit * unit);
     }
     w->gamma[row] = -second * rate * rate / c->unit;
 }
@@ -416,8 +447,8 @@ static void set_coupling_row(const Model *m, Work *w, int i, int row, const doub
 static void set_prescribed_row(const Model *m, Work *w, int i, int row) {
     const Coordinate *to = m->coordinates + m->prescribed[i].coordinate;
     Timed f = evaluated(m->instruction, m->tables, m->prescribed[i].law, w->time, NULL, NULL);
-    memset(w->rows + row * m->free, 0, m->free * sizeof(double));
-    w->rows[row * m->free + to->column] = 1.0;
+    clear_row(m, w, row);
+    set_entry(m, w, row, m->prescribed[i].coordinate, 1.0);
     w->residual[row] = (w->q[m->prescribed[i].coordinate] - f.value) / to->unit;
     w->speed[i] = f.rate / to->unit, w->gamma[row] = -f.second / to->unit;
 }
@@ -443,8 +474,8 @@ static int set_rows(const Model *m, Work *w, const double *rates, int resting, c
     for (int i = 0; i < resting; i++, row++) {
         if (known && w->dependent[row]) continue;
         w->order[count++] = row;
-        memset(w->rows + row * m->free, 0, m->free * sizeof(double));
-        w->rows[row * m->free + m->coordinates[at_rest[i]].column] = 1.0;
+        clear_row(m, w, row);
+        set_entry(m, w, row, at_rest[i], 1.0);
         w->gamma[row] = w->residual[row] = 0.0;
     }
     return count;
@@ -466,8 +497,8 @@ static void set_bodies(const Model *m, Work *w) {
         locate(w, i, body->centre, centre, NULL);
         inertia[0] = body->mass;
         for (int j = 0; j < 3; j++) inertia[1 + j] = body->mass * centre[j];
-        multiply(w->rotation + 9 * i, body->moments, 0, half);
-        multiply(half, w->rotation + 9 * i, 1, inertia + 4);
+        multiply(w->rotation + 9 * i, body->moments, half);
+        multiply_transposed(half, w->rotation + 9 * i, inertia + 4);
         double square = dot(centre, centre);
         for (int j = 0; j < 3; j++)
             for (int k = 0; k < 3; k++)
@@ -543,7 +574,7 @@ static void add_bushing(const Bushing *bushing, Work *w) {
     /* rows of both frames */
     for (int i = 0; i < 3; i++)
         column_of(w, &bushing->a, i, axes + 3 * i), column_of(w, &bushing->b, i, turned + 3 * i);
-    multiply(axes, turned, 1, turn);
+    multiply_transposed(axes, turned, turn);
     double factor = rotation_vector(turn, x + 3);
     rotate(axes, gap, x), rotate(axes, rate, y), rotate(axes, spin, y + 3);
     for (int i = 0; i < 3; i++) y[i] = -y[i];
@@ -735,9 +766,35 @@ static void set_momentum(const double *inertia, const double *twist, double *mom
     add_cross(inertia + 1, twist, momentum + 3);
 }
 
+/* branch of the parent; NULL at the ground */
+static const Branch *parent_of(const Model *m, const Branch *b) { return b->before < 0 ? NULL : m->branches + b->before; }
+
+/* entries of the mass matrix: of coordinates on one path from the ground, and of those that rotors couple, which are
+   constant */
+static void find_couplings(const Model *m, Work *w) {
+    int n = m->free;
+    double *entry = w->basis;
+    for (int k = 0; m->rotating && k < n * n; k++) w->mass[k] = m->rotors[k], entry[k] = m->rotors[k] != 0.0;
+    for (int i = 0; i < m->links; i++)
+        for (const Branch *b = m->branches + i, *p = b; p; p = parent_of(m, p))
+            for (int k = b->first; k < b->first + b->slides + b->turns; k++)
+                for (int j = p->first; j < p->first + p->slides + p->turns; j++) {
+                    int column = m->coordinates[k].column, other = m->coordinates[j].column;
+                    if (column >= 0 && other >= 0) entry[column * n + other] = entry[other * n + column] = 1.0;
+                }
+    for (int k = 0; k < n * n; k++)
+        if (entry[k] != 0.0) w->coupled[k / n * n + w->couplings[k / n]++] = k % n;
+}
+
+/* adds a multiple of a column of the mass matrix */
+static void add_mass(int n, const Work *w, int column, double factor, double *out) {
+    const int *coupled = w->coupled + column * n;
+    const double *mass = w->mass + column * n;
+    for (int i = 0; i < w->couplings[column]; i++) out[coupled[i]] += factor * mass[coupled[i]];
+}
+
 /* mass matrix by composite rigid bodies, and generalised forces, from the leaves to the ground */
 static void set_equations(const Model *m, Work *w, const double *rates) {
-    memset(w->mass, 0, m->free * m->free * sizeof(double));
     if (m->loaded) memcpy(w->own, w->inertia, 13 * m->links * sizeof(double));
     for (int i = m->links - 1; i >= 0; i--) {
         const Branch *b = m->branches + i;
@@ -749,23 +806,19 @@ static void set_equations(const Model *m, Work *w, const double *rates) {
             double momentum[6];
             set_momentum(inertia, s, momentum);
             w->effort[column] = inner(6, s, force);
-            int last = b->first + b->slides + b->turns;
-            for (const Branch *p = b; p;) {
-                for (int j = p->first; j < last; j++) {
+            for (const Branch *p = b; p; p = parent_of(m, p))
+                for (int j = p->first; j < p->first + p->slides + p->turns; j++) {
                     int other = m->coordinates[j].column;
                     if (other < 0) continue;
                     double value = inner(6, momentum, w->unit_twist + 6 * j);
+                    if (m->rotating) value += m->rotors[column * m->free + other];
                     w->mass[column * m->free + other] = w->mass[other * m->free + column] = value;
                 }
-                p = p->before < 0 ? NULL : m->branches + p->before;
-                if (p) last = p->first + p->slides + p->turns;
-            }
         }
         if (b->parent < 0) continue;
         add_scaled(13, 1.0, inertia, w->inertia + 13 * b->parent);
         add_scaled(6, 1.0, force, w->force + 6 * b->parent);
     }
-    if (m->rotating) add_scaled(m->free * m->free, 1.0, m->rotors, w->mass);
     for (int k = 0; k < m->count; k++)
         if (m->coordinates[k].column >= 0) w->effort[m->coordinates[k].column] += w->applied[k];
     if (m->crank < 0) return;
@@ -776,11 +829,15 @@ static void set_equations(const Model *m, Work *w, const double *rates) {
 /* singular values below this fraction of the largest, and below this number, are zero: as numerics.rank */
 #define RANK_TOLERANCE 1e-9
 #define FLOOR 1e-13
+/* number of rows above which not the row with the largest norm is eliminated, but the first one with this fraction of
+   it: in the order of the loops, few entries become others than zero */
+#define MANY_ROWS 100
+#define LARGE 0.1
 
 /* x <- (1 - v v') x with a reflector; whether x changes */
 static int reflect_one(const Work *w, int k, int n, double *x) {
     const double *v = w->reflectors + k * n;
-    const int *support = w->support + k * n;
+    const int *support = w->columns + w->begin[k];
     double sum = 0.0;
     for (int j = 0; j < w->entries[k]; j++) sum += v[j] * x[support[j]];
     for (int j = 0; j < w->entries[k] && sum != 0.0; j++) x[support[j]] -= sum * v[j];
@@ -788,44 +845,73 @@ static int reflect_one(const Work *w, int k, int n, double *x) {
 }
 
 /* norm of a row without the columns that were eliminated */
-static double remaining(int n, const double *row, const int *eliminated) {
+static double remaining(int n, const Work *w, int row) {
     double square = 0.0;
-    for (int j = 0; j < n; j++) square += eliminated[j] ? 0.0 : row[j] * row[j];
+    for (int i = 0; i < w->lengths[row]; i++) {
+        int column = w->columns[row * n + i];
+        double value = w->rows[row * n + column];
+        square += w->eliminated[column] ? 0.0 : value * value;
+    }
     return sqrt(square);
 }
 
-/* L H' of independent rows with row pivoting: reflectors H, triangle L, rank, smallest pivot. A reflector has
-   entries in the columns of its row only, and eliminates that of its largest entry: rows of other loops stay
-   as they are */
+/* adds entries in all columns of a reflector to a row */
+static void fill(int n, Work *w, int row, int k) {
+    const int *columns = w->columns + row * n, *support = w->columns + w->begin[k];
+    int length = w->lengths[row];
+    if (length == n) return;
+    for (int i = 0; i < length; i++) w->marked[columns[i]] = 1;
+    for (int j = 0; j < w->entries[k]; j++)
+        if (!w->marked[support[j]]) add_entry(n, w, row, support[j]);
+    for (int i = 0; i < length; i++) w->marked[columns[i]] = 0;
+}
+
+/* L H' of independent rows with row pivoting: reflectors H, rank, smallest pivot; a row of L takes the place of each row.
+   A reflector has entries in the columns of its row only, behind those of L, and eliminates that of its largest entry:
+   rows of other loops stay as they are */
 static void factor(int count, int n, Work *w) {
-    double largest = 0.0;
+    double largest = 0.0, least = count > MANY_ROWS ? LARGE : 1.0;
+    int rows = 0;
     w->rank = 0, w->smallest = 1.0;
     memset(w->eliminated, 0, n * sizeof(int));
-    for (int i = 0; i < count; i++) w->norms[w->order[i]] = remaining(n, w->rows + w->order[i] * n, w->eliminated);
-    for (int k = 0; k < count && k < n; k++) {
-        int best = k, pivot = 0, entries = 0, *support = w->support + k * n;
-        for (int i = k + 1; i < count; i++)
-            if (w->norms[w->order[i]] > w->norms[w->order[best]]) best = i;
+    for (int i = 0; i < count; i++) {
+        int row = w->order[i];
+        if ((w->norms[row] = remaining(n, w, row)) != 0.0) w->order[i] = w->order[rows], w->order[rows++] = row;
+    }
+    for (int k = 0; k < rows && k < n; k++) {
+        int best = k;
+        double most = 0.0;
+        for (int i = k; i < rows; i++)
+            if (w->norms[w->order[i]] > most) most = w->norms[w->order[i]];
+        while (w->norms[w->order[best]] < least * most) best++;
         int chosen = w->order[best];
         double norm = w->norms[chosen], *row = w->rows + chosen * n, *v = w->reflectors + k * n;
         if (!(norm > fmax(RANK_TOLERANCE * largest, FLOOR))) return;
         if (!k) largest = norm;
         w->order[best] = w->order[k], w->order[k] = chosen;
-        for (int j = 0; j < k; j++) w->triangle[k * n + j] = row[w->pivots[j]];
-        for (int j = 0; j < n; j++)
-            if (!w->eliminated[j] && row[j] != 0.0) {
-                support[entries++] = j;
-                if (entries == 1 || fabs(row[j]) > fabs(row[pivot])) pivot = j;
-            }
+        int *columns = w->columns + chosen * n, length = w->lengths[chosen], before = 0, pivot = -1;
+        unsigned long long bits = 0;
+        for (int i = 0; i < length; i++) {
+            int column = columns[i];
+            if (w->eliminated[column]) columns[i] = columns[before], columns[before++] = column;
+            else bits |= 1ULL << (column & 63);
+        }
+        int entries = length - before, *support = columns + before;
+        for (int j = 0; j < entries; j++)
+            if (pivot < 0 || fabs(row[support[j]]) > fabs(row[pivot])) pivot = support[j];
         double new = row[pivot] > 0.0 ? -norm : norm, scale = 1.0 / sqrt(norm * (norm + fabs(row[pivot])));
-        for (int j = 0; j < entries; j++) v[j] = (row[support[j]] - (support[j] == pivot) * new) * scale;
-        w->triangle[k * n + k] = new, w->pivots[k] = pivot, w->entries[k] = entries;
-        w->smallest = norm, w->rank = k + 1, w->eliminated[pivot] = 1;
-        for (int i = k + 1; i < count; i++) {
-            double *other = w->rows + w->order[i] * n;
-            if (w->norms[w->order[i]] == 0.0) continue;
-            if (reflect_one(w, k, n, other) || other[pivot] != 0.0)
-                w->norms[w->order[i]] = remaining(n, other, w->eliminated);
+        for (int j = 0; j < entries; j++) {
+            v[j] = (row[support[j]] - (support[j] == pivot) * new) * scale;
+            row[support[j]] = 0.0;
+        }
+        row[pivot] = new, w->pivots[k] = pivot, w->entries[k] = entries, w->begin[k] = chosen * n + before;
+        w->smallest = k ? fmin(w->smallest, norm) : norm, w->rank = k + 1, w->eliminated[pivot] = 1;
+        for (int i = k + 1; i < rows; i++) {
+            int other = w->order[i];
+            if (!(w->bits[other] & bits) || w->norms[other] == 0.0) continue;
+            if (reflect_one(w, k, n, w->rows + other * n)) fill(n, w, other, k);
+            else if (w->rows[other * n + pivot] == 0.0) continue;
+            w->norms[other] = remaining(n, w, other);
         }
     }
 }
@@ -837,30 +923,37 @@ static void reflect(int n, const Work *w, double *x) {
 
 /* least-norm solution of the independent rows for right sides */
 static void least_norm(int n, Work *w, double sign, const double *right, double *x) {
-    double *y = w->basis;
     memset(x, 0, n * sizeof(double));
-    for (int k = 0; k < w->rank; k++)
-        y[k] = (sign * right[w->order[k]] - inner(k, w->triangle + k * n, y)) / w->triangle[k * n + k];
-    for (int k = 0; k < w->rank; k++) x[w->pivots[k]] = y[k];
+    for (int k = 0; k < w->rank; k++) {
+        const double *row = w->rows + w->order[k] * n;
+        double value = sign * right[w->order[k]];
+        for (int i = w->order[k] * n; i < w->begin[k]; i++) value -= row[w->columns[i]] * x[w->columns[i]];
+        x[w->pivots[k]] = value / row[w->pivots[k]];
+    }
     reflect(n, w, x);
 }
 
-/* Cholesky factor in place; 0 if the matrix is not positive definite */
-static int factor_positive(int n, double *a) {
-    for (int i = 0; i < n; i++)
-        for (int j = 0; j <= i; j++) {
-            double value = a[i * n + j] - inner(j, a + i * n, a + j * n);
+/* Cholesky factor in place, whose rows begin at the same `first` entries; 0 if the matrix is not positive definite */
+static int factor_positive(int n, double *a, int *first) {
+    for (int i = 0; i < n; i++) {
+        first[i] = 0;
+        while (first[i] < i && a[i * n + first[i]] == 0.0) first[i]++;
+        for (int j = first[i]; j <= i; j++) {
+            int k = first[i] > first[j] ? first[i] : first[j];
+            double value = a[i * n + j] - inner(j - k, a + i * n + k, a + j * n + k);
             if (i == j && !(value > 0.0)) return 0;
             a[i * n + j] = i == j ? sqrt(value) : value / a[j * n + j];
         }
+    }
     return 1;
 }
 
-static void solve_positive(int n, const double *a, double *x) {
-    for (int i = 0; i < n; i++) x[i] = (x[i] - inner(i, a + i * n, x)) / a[i * n + i];
+static void solve_positive(int n, const double *a, const int *first, double *x) {
+    for (int i = 0; i < n; i++)
+        x[i] = (x[i] - inner(i - first[i], a + i * n + first[i], x + first[i])) / a[i * n + i];
     for (int i = n - 1; i >= 0; i--) {
-        for (int j = i + 1; j < n; j++) x[i] -= a[j * n + i] * x[j];
         x[i] /= a[i * n + i];
+        add_scaled(i - first[i], -x[i], a + i * n + first[i], x + first[i]);
     }
 }
 
@@ -870,7 +963,7 @@ static void respond(const Model *m, Work *w, const double *effort, double *accel
     int n = m->free, free = n - w->rank;
     double *left = w->basis + n * n, *right = left + n;
     for (int i = 0; i < free; i++) right[i] = inner(n, w->basis + i * n, effort);
-    solve_positive(free, w->reduced, right);
+    solve_positive(free, w->reduced, w->first, right);
     for (int i = 0; i < free; i++) add_scaled(n, right[i], w->basis + i * n, acceleration);
     if (!m->loaded && !m->driven) return;
     /* J' lambda = M a - Q with J = L H' */
@@ -881,10 +974,10 @@ static void respond(const Model *m, Work *w, const double *effort, double *accel
     for (int k = 0; k < w->rank; k++) reflect_one(w, k, n, left);
     memset(w->multiplier, 0, m->rows * sizeof(double));
     for (int k = w->rank - 1; k >= 0; k--) {
-        double value = left[w->pivots[k]];
-        for (int i = k + 1; i < w->rank; i++) value -= w->triangle[i * n + k] * w->found[i];
-        w->found[k] = value / w->triangle[k * n + k];
-        if (w->order[k] < m->rows) w->multiplier[w->order[k]] = w->found[k];
+        const double *row = w->rows + w->order[k] * n;
+        double value = left[w->pivots[k]] / row[w->pivots[k]];
+        for (int i = w->order[k] * n; i < w->begin[k]; i++) left[w->columns[i]] -= row[w->columns[i]] * value;
+        if (w->order[k] < m->rows) w->multiplier[w->order[k]] = value;
     }
 }
 
@@ -893,18 +986,26 @@ static int accelerate(const Model *m, Work *w, int rows) {
     int n = m->free;
     factor(rows, n, w);
     least_norm(n, w, -1.0, w->gamma, w->vector);
-    int free = n - w->rank, column = 0;
-    for (int i = 0; i < n; i++) w->effort[i] -= inner(n, w->mass + i * n, w->vector);
+    int free = n - w->rank, column = 0, *entries = w->marked;
+    for (int i = 0; i < n; i++) add_mass(n, w, i, -w->vector[i], w->effort);
+    memset(w->basis, 0, free * n * sizeof(double));
+    memset(w->moving, 0, free * n * sizeof(double));
     for (int i = 0; i < free; i++) {
         double *along = w->basis + i * n, *moving = w->moving + i * n;
-        memset(along, 0, n * sizeof(double));
+        int count = 0;
         while (w->eliminated[column]) column++;
         along[column++] = 1.0;
         reflect(n, w, along);
-        for (int j = 0; j < n; j++) moving[j] = inner(n, w->mass + j * n, along);
-        for (int j = 0; j <= i; j++) w->reduced[i * free + j] = inner(n, moving, w->basis + j * n);
+        for (int k = 0; k < n; k++)
+            if (along[k] != 0.0) add_mass(n, w, k, along[k], moving), entries[count++] = k;
+        for (int j = 0; j <= i; j++) {
+            double *value = w->reduced + i * free + j;
+            *value = 0.0;
+            for (int k = 0; k < count; k++) *value += along[entries[k]] * w->moving[j * n + entries[k]];
+        }
     }
-    if (!factor_positive(free, w->reduced)) return 0;
+    memset(w->marked, 0, n * sizeof(int));
+    if (!factor_positive(free, w->reduced, w->first)) return 0;
     respond(m, w, w->effort, w->vector);
     return 1;
 }

@@ -125,9 +125,9 @@ static Work *workspace(const Model *m, int resting) {
         {offsetof(Work, force), 6 * m->links}, {offsetof(Work, inertia), 13 * m->links},
         {offsetof(Work, rows), rows * n}, {offsetof(Work, residual), rows}, {offsetof(Work, gamma), rows},
         {offsetof(Work, mass), n * n}, {offsetof(Work, effort), n}, {offsetof(Work, reflectors), n * n},
-        {offsetof(Work, triangle), n * n}, {offsetof(Work, vector), n}, {offsetof(Work, basis), n * n + 2 * n},
+        {offsetof(Work, bits), rows}, {offsetof(Work, vector), n}, {offsetof(Work, basis), n * n + 2 * n},
         {offsetof(Work, reduced), n * n}, {offsetof(Work, applied), k}, {offsetof(Work, inflow), m->states},
-        {offsetof(Work, norms), rows}, {offsetof(Work, speed), m->driven}, {offsetof(Work, moving), n * n}, {offsetof(Work, found), n},
+        {offsetof(Work, norms), rows}, {offsetof(Work, speed), m->driven}, {offsetof(Work, moving), n * n},
         {offsetof(Work, own), 13 * m->links}, {offsetof(Work, across), 6 * m->rows},
         {offsetof(Work, multiplier), m->rows}, {offsetof(Work, twisting), 6 * m->links},
         {offsetof(Work, carried), 6 * m->links + loaded}, {offsetof(Work, pull), 6 * m->links},
@@ -135,7 +135,7 @@ static Work *workspace(const Model *m, int resting) {
         {offsetof(Work, terms), 12 * loaded * (loaded + 1)}};
     size_t total = 0, count = sizeof parts / sizeof *parts;
     for (size_t i = 0; i < count; i++) total += parts[i].count;
-    char *memory = ALLOCATE(sizeof(Work) + total * sizeof(double) + (2 * rows + n * n + 3 * n) * sizeof(int));
+    char *memory = ALLOCATE(sizeof(Work) + total * sizeof(double) + ((3 + n) * rows + (7 + n) * n) * sizeof(int));
     if (!memory) return NULL;
     double *next = (double *)(memory + sizeof(Work));
     for (size_t i = 0; i < count; i++) {
@@ -143,8 +143,11 @@ static Work *workspace(const Model *m, int resting) {
         next += parts[i].count;
     }
     Work *w = (Work *)memory;
-    w->order = (int *)next, w->dependent = w->order + rows, w->support = w->dependent + rows;
-    w->entries = w->support + n * n, w->pivots = w->entries + n, w->eliminated = w->pivots + n;
+    w->order = (int *)next, w->dependent = w->order + rows, w->begin = w->dependent + rows;
+    w->entries = w->begin + n, w->pivots = w->entries + n, w->eliminated = w->pivots + n;
+    w->marked = w->eliminated + n, w->couplings = w->marked + n, w->first = w->couplings + n;
+    w->coupled = w->first + n, w->columns = w->coupled + n * n, w->lengths = w->columns + rows * n;
+    find_couplings(m, w);
     return w;
 }
 
@@ -228,7 +231,13 @@ static int project(const Model *m, Work *w, Run *run, double *state) {
     int rows = set_rows(m, w, NULL, run->resting, run->at_rest, 0);
     for (int k = 0; k < m->count; k++)
         if (m->coordinates[k].column >= 0) w->effort[m->coordinates[k].column] = rates[k];
-    for (int k = 0; k < m->rows + run->resting; k++) w->gamma[k] = inner(m->free, w->rows + k * m->free, w->effort);
+    for (int k = 0; k < m->rows + run->resting; k++) {
+        w->gamma[k] = 0.0;
+        for (int i = 0; i < w->lengths[k]; i++) {
+            int column = w->columns[k * m->free + i];
+            w->gamma[k] += w->rows[k * m->free + column] * w->effort[column];
+        }
+    }
     for (int i = 0; i < m->driven; i++) w->gamma[m->rows - m->driven + i] -= w->speed[i];
     factor(rows, m->free, w);
     least_norm(m->free, w, -1.0, w->gamma, w->vector);
