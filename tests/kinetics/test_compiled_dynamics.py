@@ -452,7 +452,7 @@ def row_of_parallel_cranks(count):
 
 
 def test_rows_of_loops_eliminated_in_their_order_are_the_same_in_c_and_in_numpy():
-    """The row of thirty has more rows than are eliminated by the largest norm, and three of five are dependent."""
+    """Three rows of five are dependent; those of five loops are eliminated by the largest norm."""
     for count in (5, 30):
         expected, result = both(row_of_parallel_cranks(count), 4)
         assert np.abs(result - expected).max() <= 1e-10 * np.abs(expected).max()
