@@ -140,7 +140,7 @@ class SolverFormulas:
         self.closing_joints = [
             joint
             for joint in self.tree.original.joints
-            if self.tree.first_index(joint.name) is None and KINDS[joint.kind].aligned
+            if joint.name not in self.tree.joint_names and KINDS[joint.kind].aligned
         ]
         self.joints = [name for joint in self.closing_joints for name in joint.coordinates]
         self.symbols: dict[str, str] = {}

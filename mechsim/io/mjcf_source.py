@@ -94,17 +94,17 @@ def read_mjcf(source: "MujocoInput", request: Prescription = AS_WRITTEN) -> Kine
         from mechsim.io.requested_start import started_near
 
         mechanism = started_near(mechanism, request.start)
-    initial = started(model, mechanism)
-    if initial.note or request.start:
-        model = replace(model, qpos=state_of(model, initial.mechanism))
-    mechanism = replace(_with_locked_guess(initial.mechanism), up=against(model.forces.gravity) or "z")
+    initial, note = started(model, mechanism)
+    if note or request.start:
+        model = replace(model, qpos=state_of(model, initial))
+    mechanism = replace(_with_locked_guess(initial), up=against(model.forces.gravity) or "z")
     facts = [*model.remarks, *printed(model.unread), *_initial_gap(model, request.key), *exact.facts]
     return KinematicSolver(
         mechanism,
         forces=model.forces,
         source=model,
         ranges=model.limits,
-        facts=(*facts, *filter(None, [initial.note])),
+        facts=(*facts, *filter(None, [note])),
         corrected=(exact.moved, exact.rotated),
     )
 

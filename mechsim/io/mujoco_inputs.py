@@ -12,7 +12,7 @@ import numpy as np
 from mechsim.errors import AssemblyError, InputError, MechsimError
 from mechsim.io.model_source import file_reader
 from mechsim.kinematics.loops.rounded_geometry import MAX_ANGLE, Corrected, corrected
-from mechsim.kinematics.loops.start import ClosedStart, closed_start, start_poses, with_requested_start
+from mechsim.kinematics.loops.start import closed_start, start_poses, with_requested_start
 from mechsim.mechanism.finding import HARMLESS, Finding
 from mechsim.mechanism.links import Pose
 from mechsim.mechanism.mechanism import Mechanism
@@ -83,8 +83,8 @@ def with_loops(model: Any, loops: str | None) -> Any:
     return UrdfFile(model, loops)
 
 
-def started(model: "MjcfModel", mechanism: Mechanism) -> ClosedStart:
-    """Return a mechanism in its assembly nearest to the file's start, within the ranges of its joints.
+def started(model: "MjcfModel", mechanism: Mechanism) -> tuple[Mechanism, str]:
+    """Return a mechanism in its assembly nearest to the file's start, within its ranges, and a note on it.
 
     A start within them with nearly closed loops stays that of the file.
     """
@@ -103,23 +103,23 @@ def started(model: "MjcfModel", mechanism: Mechanism) -> ClosedStart:
             listed = ", ".join(f"{name} = {reached[name]:.4g} {mechanism.unit(name)}" for name in outside)
             note = f"{', '.join(outside)} start outside their ranges in the file; mechsim starts at {listed}"
             coordinates = {name: reached[name] for name in values}
-            return ClosedStart(replace(moved, locked=locked, guess_coordinates=coordinates), note)
-    start = closed_start(started)
-    if not start.note:
-        return ClosedStart(mechanism)
-    unlocked = closed_start(replace(started, locked={}))
+            return replace(moved, locked=locked, guess_coordinates=coordinates), note
+    nearest, note = closed_start(started)
+    if not note:
+        return mechanism, ""
+    unlocked, unlocked_note = closed_start(replace(started, locked={}))
     with suppress(AssemblyError):
         # a joint locked at its initial value stays where the file is assembled if its own values do not close
-        reached = start_poses(unlocked.mechanism)[1]
+        reached = start_poses(unlocked)[1]
         locked = {name: reached[name] if value == values[name] else value for name, value in locked.items()}
-        start = unlocked
-    return ClosedStart(replace(start.mechanism, locked=locked), start.note)
+        nearest, note = unlocked, unlocked_note
+    return replace(nearest, locked=locked), note
 
 
 def with_nearest_assembly(model: "MjcfModel") -> "MjcfModel":
     """Return a model with the assembly in which every command starts it, if it is not its start."""
-    initial = started(model, corrected(model.mechanism, MAX_ANGLE).mechanism)
-    return replace(model, nearest=state_of(model, initial.mechanism)) if initial.note else model
+    initial, note = started(model, corrected(model.mechanism, MAX_ANGLE).mechanism)
+    return replace(model, nearest=state_of(model, initial)) if note else model
 
 
 def state_of(model: "MjcfModel", mechanism: Mechanism) -> Array:

@@ -113,9 +113,8 @@ def _assembled(solver: KinematicSolver, guess: Mapping[str, Pose] | None) -> Kin
     if guess is not None and {*guess} == {*mechanism.link_names[1:]}:
         mechanism = replace(mechanism, guess={**guess, **mechanism.guess})
     exact = corrected(mechanism)
-    start = closed_start(exact.mechanism)
-    facts = (*solver.facts, *exact.facts, *filter(None, [start.note]))
-    return solver.with_mechanism(start.mechanism, facts=facts)
+    started, note = closed_start(exact.mechanism)
+    return solver.with_mechanism(started, facts=(*solver.facts, *exact.facts, *filter(None, [note])))
 
 
 def written_guess(source: ModelSource) -> Mapping[str, Pose]:

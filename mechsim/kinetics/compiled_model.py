@@ -293,8 +293,8 @@ def _filled(dtype: np.dtype[Any], rows: Sequence[dict[str, Any]]) -> np.ndarray[
 def _branches(equations: EquationsOfMotion) -> np.ndarray[Any, Any]:
     tree, rows, number = equations.loops.tree, list[dict[str, Any]](), dict[int, int]()
     for i, branch in enumerate(tree.branches):
-        sides, rotation = tree.constants[branch.child], np.zeros((2, 27))
-        for factors, other in zip(rotation, tree.rotations[branch.child], strict=False):
+        sides, rotation = branch.sides, np.zeros((2, 27))
+        for factors, other in zip(rotation, branch.rotations, strict=False):
             factors[:] = other.ravel()
         number[branch.child] = i
         row = {
@@ -321,9 +321,9 @@ def _coordinates(equations: EquationsOfMotion) -> np.ndarray[Any, Any]:
     column = np.full(tree.count, -1)
     column[equations.free] = np.arange(len(equations.free))
     for branch in tree.branches:
-        sides, kind = tree.constants[branch.child], branch.kind
+        sides, kind = branch.sides, branch.kind
         link_a, link_b = (branch.parent, branch.child) if branch.forward else (branch.child, branch.parent)
-        axes = zip((*kind.slides, *kind.turns), tree.axes[branch.child], strict=True)
+        axes = zip((*kind.slides, *kind.turns), branch.axes, strict=True)
         for k, (name, (link, axis)) in enumerate(axes, branch.first):
             slide = k < branch.first_angle
             in_a = slide or kind.ball or (kind.crossed and name == "a")

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.mechanism.link_poses import Sides, complete_guess, initial_coordinates
+from mechsim.mechanism.joints import Sides
+from mechsim.mechanism.link_poses import complete_guess, initial_coordinates
 from mechsim.mechanism.links import Pose
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.numerics.arrays import Array

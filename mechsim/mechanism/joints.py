@@ -23,6 +23,8 @@ MAX_DEGREE = 4
 MAX_RATIO = 1e6
 
 Terms = Mapping[str, float]
+# of a joint: points (..., 3) and frames (..., 3, 3) of its sides a and b, in the frames of their links
+Sides = tuple[Array, Array, Array, Array]
 
 
 @dataclass(frozen=True, slots=True)
@@ -341,6 +343,11 @@ class Joint:
             if np.abs(reference - np.array(self.b.reference)).max() > ROUNDING:
                 object.__setattr__(self, "b", replace(self.b, reference=vector(reference)))
                 object.__setattr__(self, "without_reference", True)
+
+    @property
+    def sides(self) -> Sides:
+        """Points (3,) and frames (3, 3) of its sides a and b."""
+        return np.array(self.a.point), self.a.frame, np.array(self.b.point), self.b.frame
 
     @property
     def links(self) -> tuple[str, str]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from mechsim.errors import InputError
 from mechsim.mechanism.joint_kinds import COLUMN, FIXED, KINDS, KindName, displaced
-from mechsim.mechanism.joints import End, Joint, joint_coordinate
+from mechsim.mechanism.joints import End, Joint, Sides, joint_coordinate
 from mechsim.mechanism.links import (
     EX,
     EY,
@@ -29,9 +29,6 @@ from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.motion import Motion
 from mechsim.numerics.arrays import REVOLUTION, Array
 
-# of a joint: points (..., 3) and frames (..., 3, 3) of its sides a and b, in the frames of their links
-Sides = tuple[Array, Array, Array, Array]
-
 
 def guessed_poses(mechanism: Mechanism, *, stiff_first: bool = False) -> dict[str, Pose]:
     """Return a pose of each moving link: its guess, or the pose that its joints to placed links give.
@@ -47,10 +44,7 @@ def guessed_poses(mechanism: Mechanism, *, stiff_first: bool = False) -> dict[st
     Raises:
         InputError: if no chain of joints connects a link with the frame.
     """
-    sides = {
-        joint.name: (np.asarray(joint.a.point), joint.a.frame, np.asarray(joint.b.point), joint.b.frame)
-        for joint in mechanism.joints
-    }
+    sides = {joint.name: joint.sides for joint in mechanism.joints}
     if stiff_first:
         joints = sorted(mechanism.joints, key=lambda joint: len(KINDS[joint.kind].turns))
         mechanism = replace(mechanism, joints=tuple(joints))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Generic, Protocol, Self, TypeVar
@@ -80,6 +80,11 @@ class DrivenEquations(Protocol):
 
     def linearise(self, q: Any, /) -> tuple[Array, Array, Any]:
         """Return residuals (rows, n), Jacobians by coordinates in units (rows, count, n), and link poses."""
+        ...
+
+    @property
+    def sparse(self) -> Callable[[Any], tuple[Array, SparseMatrices, Any]] | None:
+        """What returns the same as `linearise` with sparse Jacobians; None for equations without them."""
         ...
 
     def displaced(self, q: Any, step: Array, /) -> Any:
@@ -297,12 +302,11 @@ class LoopSolver(Generic[E, Q]):
     @cached_property
     def band(self) -> Band | None:
         """Order in which the equations are banded; None if they are few, or solved as a whole."""
-        sparse = getattr(self.loops, "sparse", None)
-        if sparse is None or not len(self.rows) == len(self.loops.unknown) >= MIN_UNKNOWNS:
+        if self.loops.sparse is None or not len(self.rows) == len(self.loops.unknown) >= MIN_UNKNOWNS:
             return None
         from mechsim.numerics.banded import band
 
-        return band(sparse(self.reference)[1], self.rows, self.loops.unknown)
+        return band(self.loops.sparse(self.reference)[1], self.rows, self.loops.unknown)
 
     @property
     def numbers(self) -> int:
@@ -311,11 +315,10 @@ class LoopSolver(Generic[E, Q]):
 
     def linearise(self, q: Q) -> Linearised:
         """Return the loops about n sets of coordinates."""
-        if self.band is not None:
+        if self.band is not None and self.loops.sparse is not None:
             from mechsim.numerics.banded import BandedSystems
 
-            evaluate: Any = self.loops
-            residual, entries, poses = evaluate.sparse(q)
+            residual, entries, poses = self.loops.sparse(q)
             systems = BandedSystems(self.band, entries.values[self.band.entries])
             right = residual[self.rows].T
             return Linearised(residual, entries, poses, systems, right, self.loops.unknown, self.others)

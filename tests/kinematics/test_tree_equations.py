@@ -1,6 +1,6 @@
 """Equations of a spanning tree: Jacobians, twists and velocity products for every kind of joint."""
 
-from dataclasses import astuple, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ from mechanisms import end_at
 import mechsim as ms
 from mechsim.kinematics.loops.constraints import TreeLoops, cuts_of
 from mechsim.kinematics.loops.kinematics import Coordinates, link_poses, twists, velocity_products
-from mechsim.kinematics.loops.tree import JointSides, spanning_tree
+from mechsim.kinematics.loops.tree import spanning_tree
 from mechsim.mechanism.links import GROUND
 
 STEP, MIDDLE = 2e-3, 4
@@ -211,13 +211,12 @@ def test_a_tree_without_revolute_joints_has_its_exact_poses():
 @pytest.mark.parametrize("swap", [0, 1])
 def test_poses_of_stacked_designs_agree_with_single_designs(swap):
     moving, trees = Moving(swap, None), [spanning_tree(branched(swap, seed=seed)) for seed in (3, 4)]
-    tree = replace(trees[0])
-    constants = {
-        i: JointSides(*(np.stack(pair, -1) for pair in zip(*map(astuple, pairs), strict=True)))
-        for i in trees[0].constants
-        for pairs in [[item.constants[i] for item in trees]]
-    }
-    vars(tree)["constants"] = constants
+    ends = [
+        tuple(np.stack(pair, -1) for pair in zip(*(branch.ends for branch in branches), strict=True))
+        for branches in zip(*(item.branches for item in trees), strict=True)
+    ]
+    branches = (replace(branch, ends=own) for branch, own in zip(trees[0].branches, ends, strict=True))
+    tree = replace(trees[0], branches=tuple(branches))
     two = Coordinates(moving.coordinates.values[:, :2], moving.coordinates.turns[..., :2])
     together = link_poses(tree, two)
     for i, own in enumerate(trees):

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from mechsim.errors import MobilityError
 from mechsim.kinematics.loops.constraints import TreeLoops, TreeSolver
 from mechsim.kinematics.loops.kinematics import Coordinates, LinkPoses, twists
-from mechsim.kinematics.loops.path import regularised, smallest_singular_values
+from mechsim.kinematics.loops.path import regularised
 from mechsim.kinematics.loops.tree import SpanningTree
 from mechsim.kinematics.vector_method.vectors import array_cross as cross
 from mechsim.mechanism.links import GROUND
@@ -259,7 +259,10 @@ class FreeLoops:
 
     def singular_value(self, jacobian: Array) -> Array:
         """Return the singular value of Jacobians (rows, count, n) that vanishes at branch points, (n,)."""
-        return smallest_singular_values(jacobian[:, self.loops.unknown], self.rank)
+        if not self.rank:
+            return np.ones(jacobian.shape[2])
+        values = np.linalg.svd(jacobian[:, self.loops.unknown].transpose(2, 0, 1), compute_uv=False)
+        return np.asarray(values[:, self.rank - 1], dtype=np.float64)
 
     def corrected(self, solver: TreeSolver, rows: Array, singular: NDArray[np.bool_]) -> LinkPoses:
         """Return the poses of approximate rows corrected to rounding level; singular ones stay unchanged."""

@@ -29,7 +29,7 @@ MAX_DISPLACEMENT, MAX_REVOLUTIONS = 1000, 100
 def _counted(row: CoupledRow) -> NDArray[np.bool_]:
     """Return of which coordinates a coupling counts revolutions, (count,)."""
     right = (row.right_weights != 0.0) & (not row.coupling.repeats)
-    return ((row.left_weights != 0.0) | right) & (not row.turns)
+    return ((row.left_weights != 0.0) | right) & (not row.has_revolutions)
 
 
 def require_return(loops: TreeLoops, initial: Coordinates, current: Coordinates) -> None:

@@ -233,8 +233,13 @@ def with_mechanism(loops: TreeLoops, mechanism: GivenMechanism) -> TreeLoops:
     old = loops.tree
     parted = {joint.name for joint in old.original.joints if joint not in old.mechanism.joints}
     own = split_joints(mechanism, parted) if parted else mechanism
-    branches = tuple(replace(branch, joint=own.joint(branch.joint.name)) for branch in old.branches)
-    tree = SpanningTree(own, mechanism, branches, tuple(own.joint(cut.name) for cut in old.cuts))
+    joints = {joint.name: joint for joint in own.joints}
+    branches = (
+        replace(branch, joint=joint, ends=joint.sides)
+        for branch in old.branches
+        for joint in [joints[branch.joint.name]]
+    )
+    tree = SpanningTree(own, mechanism, tuple(branches), tuple(joints[cut.name] for cut in old.cuts))
     return replace(loops, tree=tree, cuts=cuts_of(tree))
 
 

@@ -115,8 +115,8 @@ def _within(
         inside &= (value > low - LIMIT_TOLERANCE) & (value < high + LIMIT_TOLERANCE)
     q = q.select(inside)
     poses = link_poses(loops.tree, q).by_link(loops.tree.links)
-    for i in range(len(q)):
-        yield q.select(np.array([i])), {name: pose.select(i) for name, pose in poses.items()}
+    for i, each in enumerate(q):
+        yield each, {name: pose.select(i) for name, pose in poses.items()}
 
 
 def _threads(screws: Sequence[Joint], links: Mapping[str, Pose | LinkMotion]) -> Array:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,24 +17,30 @@ from numpy.typing import NDArray
 from mechsim.kinematics.loops.kinematics import (
     Coordinates,
     LinkPoses,
+    axial,
     carried_frame,
     carried_point,
     link_poses,
     matrix_product,
     on_ground,
 )
-from mechsim.kinematics.loops.tree import Indices, JointSides, SpanningTree, indices, spanning_tree
+from mechsim.kinematics.loops.tree import Indices, SpanningTree, indices, spanning_tree
 from mechsim.kinematics.vector_method.vectors import array_cross as cross
 from mechsim.mechanism.joint_kinds import COLUMN, KINDS, coordinates
-from mechsim.mechanism.joints import Coupling, Joint
-from mechsim.mechanism.link_poses import rotated, with_virtual_bodies
+from mechsim.mechanism.joints import Coupling, Joint, Sides
+from mechsim.mechanism.link_poses import (
+    guessed_poses,
+    initial_coordinates,
+    rotated,
+    with_virtual_bodies,
+)
 from mechsim.mechanism.links import GROUND, IDENTITY, Pose
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.numerics.arrays import REVOLUTION, Array
 from mechsim.numerics.loop_solver import LoopSolver
 
 if TYPE_CHECKING:
-    from mechsim.mechanism.design_arrays import Ends, Sides
+    from mechsim.mechanism.design_arrays import Ends
     from mechsim.numerics.banded import SparseMatrices
 
 
@@ -48,10 +54,9 @@ class Cut:
         columns: coordinates that move only one side.
         gains: change of side b by one unit of each, in [m] or [rad]; negative for side a.
         length: characteristic length of the mechanism, in [m].
+        ends: points and joint frames of both sides, as `Joint.sides`; of many designs (3, n) and (3, 3, n).
         one_sense: whether further equations, cosine = 1, keep a search away from antiparallel axes, which
             satisfy the others. At a solution their derivatives are zero.
-        sides_of_designs: points and joint frames of both sides, (3, n) and (3, 3, n), if they are not those
-            of the joint, as of many designs.
     """
 
     joint: Joint
@@ -59,8 +64,8 @@ class Cut:
     columns: NDArray[np.intp]
     gains: Array
     length: float
+    ends: Sides
     one_sense: bool = False
-    sides_of_designs: Sides | None = None
 
     @cached_property
     def lengths(self) -> list[int]:
@@ -96,15 +101,6 @@ class Cut:
         """Number of equations."""
         return len(self.lengths) + len(self.directions) + KINDS[self.joint.kind].rod
 
-    @cached_property
-    def ends(self) -> list[tuple[int, Array, Array]]:
-        """Link, point and joint frame of sides a and b, in the frames of the links."""
-        if self.sides_of_designs is not None:
-            point_a, frame_a, point_b, frame_b = self.sides_of_designs
-            return [(self.sides[0], point_a, frame_a), (self.sides[1], point_b, frame_b)]
-        ends = zip(self.sides, (self.joint.a, self.joint.b), strict=True)
-        return [(link, np.array(end.point), end.frame) for link, end in ends]
-
 
 @dataclass(frozen=True)
 class CutBlock:
@@ -122,20 +118,6 @@ class CutBlock:
     columns: NDArray[np.intp]
     gains: Array
 
-    @cached_property
-    def entries(self) -> tuple[Any, Any]:
-        """Rows and columns of their Jacobians among all."""
-        if len(self.rows) == 1:
-            return indices(self.rows[0].tolist()), self.columns[0]
-        return self.rows[:, :, None], self.columns[:, None]
-
-    def jacobian(self, wrench: Array, unit_twists: Array) -> Array:
-        """Return Jacobians at `entries` from wrenches along the equations, (6, rows, m, n)."""
-        along, moving = wrench[:, :, self.which], unit_twists.take(self.columns, 0)
-        jacobian = np.einsum("irmn,mcin->mrcn", along, moving)
-        jacobian *= self.gains
-        return jacobian[0] if len(self.rows) == 1 else jacobian
-
 
 @dataclass(frozen=True)
 class CutGroup:
@@ -148,11 +130,6 @@ class CutGroup:
 
     cuts: tuple[Cut, ...]
     rows: NDArray[np.intp]
-
-    @cached_property
-    def all_rows(self) -> Indices:
-        """Their equations among all, joint by joint."""
-        return indices(self.rows.ravel().tolist())
 
     @cached_property
     def blocks(self) -> list[CutBlock]:
@@ -180,22 +157,19 @@ class CutGroup:
         return np.array([[cut.joint.length] for cut in self.cuts])
 
     @cached_property
-    def _ends(self) -> list[tuple[Indices | None, Array, Array]]:
+    def _sides(self) -> list[tuple[Indices | None, Array, Array]]:
         """Links of sides a and b, None for the ground, with their points and joint frames."""
-        ends = zip(*(cut.ends for cut in self.cuts), strict=True)
-        return [
-            (
-                None if side[0][0] < 0 else indices([link for link, _, _ in side]),
-                np.stack([point for _, point, _ in side]),
-                np.stack([frame for _, _, frame in side]),
-            )
-            for side in ends
-        ]
+        point_a, frame_a, point_b, frame_b = map(np.stack, zip(*(cut.ends for cut in self.cuts), strict=True))
+        a, b = (
+            None if links[0] < 0 else indices(links)
+            for links in zip(*(cut.sides for cut in self.cuts), strict=True)
+        )
+        return [(a, point_a, frame_a), (b, point_b, frame_b)]
 
     def frames(self, poses: LinkPoses) -> tuple[Array, Array, Array, Array]:
         """Return points (3, m, n) and joint frames (3, 3, m, n) of sides a and b."""
         sides: list[Array] = []
-        for links, point, frame in self._ends:
+        for links, point, frame in self._sides:
             if links is None:
                 rotated_frame, placed = on_ground(frame, point)
             else:
@@ -239,7 +213,7 @@ class CutGroup:
         point_a, frame_a, point_b, frame_b = self.frames(poses)
         zero = np.zeros((6, 1, twist.shape[2]))
         (ta, tb), (da, db) = (
-            [zero if links is None else values[links].swapaxes(0, 1) for links, _, _ in self._ends]
+            [zero if links is None else values[links].swapaxes(0, 1) for links, _, _ in self._sides]
             for values in (twist, velocity_product)
         )
         wa, wb = ta[3:], tb[3:]
@@ -250,17 +224,15 @@ class CutGroup:
         # relative to side a, of whose frame point b is a point for the moment
         relative = _acceleration(tb, db, point_b) - _acceleration(ta, da, point_b)
         relative = relative - 2.0 * cross(wa, _velocity(tb, point_b) - _velocity(ta, point_b))
-        out = np.empty((*self.rows.shape, twist.shape[2]), twist.dtype)
-        k = 0
-        for i in like.lengths:
-            out[:, k] = (frame_a[:, i] * relative).sum(0) / like.length
-            k += 1
-        for i, j, _ in like.directions:
-            u, v = frame_a[:, i], frame_b[:, j]
-            across, changing = cross(v, u), cross(cross(wb, v), u) + cross(v, cross(wa, u))
-            out[:, k] = (across * (db[3:] - da[3:])).sum(0) + (changing * (wb - wa)).sum(0)
-            k += 1
-        return out
+        columns_a, columns_b, _, _ = like.products
+        k = len(like.lengths)
+        out = np.empty((self.rows.shape[1], *relative.shape[1:]), twist.dtype)
+        out[:k] = (frame_a.take(columns_a[:k], 1) * relative[:, None]).sum(0) / like.length
+        u, v = frame_a.take(columns_a[k:], 1), frame_b.take(columns_b, 1)
+        wa, wb = wa[:, None], wb[:, None]
+        across, changing = cross(v, u), cross(cross(wb, v), u) + cross(v, cross(wa, u))
+        out[k:] = (across * (db - da)[3:, None]).sum(0) + (changing * (wb - wa)).sum(0)
+        return out.swapaxes(0, 1)
 
 
 def _velocity(twist: Array, point: Array) -> Array:
@@ -277,14 +249,13 @@ def _acceleration(twist: Array, velocity_product: Array, point: Array) -> Array:
 def cuts_of(tree: SpanningTree) -> tuple[Cut, ...]:
     """Return the joints that close the loops of a tree."""
     cuts: list[Cut] = []
-    zero = np.zeros(tree.count)
+    moved = np.vstack([tree.moved_by, np.zeros(tree.count)])  # the ground, index -1, is last
     for joint in tree.cuts:
-        sides = tuple(-1 if end.link == GROUND else tree.index[end.link] for end in (joint.a, joint.b))
-        moved = [zero if i < 0 else tree.moved_by[i] for i in sides]
-        direction = moved[1] - moved[0]
+        a, b = (-1 if link == GROUND else tree.index[link] for link in joint.links)
+        direction = moved[b] - moved[a]
         columns = np.flatnonzero(direction)
         gains = (direction * tree.units)[columns]
-        cuts.append(Cut(joint, (sides[0], sides[1]), columns, gains, tree.length))
+        cuts.append(Cut(joint, (a, b), columns, gains, tree.length, joint.sides))
     return tuple(cuts)
 
 
@@ -304,10 +275,15 @@ class CoupledRow:
     right_weights: Array
     unit: float
 
+    @cached_property
+    def columns(self) -> NDArray[np.intp]:
+        """Indices of its coordinates."""
+        return np.flatnonzero((self.left_weights != 0.0) | (self.right_weights != 0.0))
+
     @property
-    def turns(self) -> bool:
+    def has_revolutions(self) -> bool:
         """Whether its sides may differ by whole revolutions."""
-        return self.coupling.turns
+        return self.coupling.turns and self.unit == 1.0
 
     def evaluate(self, values: Array) -> tuple[Array, Array, Array]:
         """Return residuals (n,) in its unit, derivatives by the coordinates (count, n) and p'' (n,)."""
@@ -372,7 +348,7 @@ class TreeLoops:
         """The cut joints in groups."""
         groups, k = dict[tuple[object, ...], list[tuple[Cut, range]]](), 0
         for cut in self.cuts:
-            many, (a, b) = cut.sides_of_designs is not None, cut.sides
+            (a, b), many = cut.sides, cut.ends[0].ndim
             key = cut.joint.kind, cut.one_sense, a < 0, b < 0, many
             groups.setdefault(key, []).append((cut, range(k, k + cut.rows)))
             k += cut.rows
@@ -380,6 +356,18 @@ class TreeLoops:
             CutGroup(tuple(cut for cut, _ in own), np.array([rows for _, rows in own], dtype=np.intp))
             for own in groups.values()
         ]
+
+    @cached_property
+    def gap_rows(self) -> list[tuple[Cut, slice]]:
+        """The cut joints, each with its equations of lengths, the first of its own."""
+        ends = np.cumsum([0, *(cut.rows for cut in self.cuts)]).tolist()
+        return [(cut, slice(k, k + len(cut.lengths))) for cut, k in zip(self.cuts, ends, strict=False)]
+
+    @property
+    def row_names(self) -> list[str]:
+        """Joint or coupling of each equation."""
+        joints = [cut.joint.name for cut in self.cuts for _ in range(cut.rows)]
+        return joints + [row.coupling.name for row in self.couplings]
 
     @property
     def name(self) -> str:
@@ -400,7 +388,7 @@ class TreeLoops:
         poses = link_poses(self.tree, q) if poses is None else poses
         jacobian = np.zeros((self.rows, self.tree.count, len(q)), q.values.dtype)
         residual, blocks = self._evaluated(q, poses)
-        for entries, block in blocks:
+        for entries, block in zip(self._entries, blocks, strict=True):
             jacobian[entries] = block
         return residual, jacobian, poses
 
@@ -410,38 +398,36 @@ class TreeLoops:
 
         poses = link_poses(self.tree, q)
         residual, blocks = self._evaluated(q, poses)
-        values = np.concatenate([block.reshape(-1, len(q)) for _, block in blocks])
-        return residual, SparseMatrices(*self._entries, values, (self.rows, self.count)), poses
-
-    @cached_property
-    def _entries(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Rows and columns of the entries of `sparse`."""
-        blocks = [(block.rows, block.columns) for group in self.groups for block in group.blocks]
-        blocks += [(np.array([[k]]), columns[None]) for k, columns in self._coupled]
-        pairs = [np.broadcast_arrays(rows[:, :, None], columns[:, None]) for rows, columns in blocks]
+        values = np.concatenate([block.reshape(-1, len(q)) for block in blocks])
+        pairs = [np.broadcast_arrays(*entries) for entries in self._entries]
         rows, columns = (np.concatenate([pair[i].ravel() for pair in pairs]) for i in (0, 1))
-        return rows, columns
+        return residual, SparseMatrices(rows, columns, values, (self.rows, self.count)), poses
 
     @cached_property
-    def _coupled(self) -> list[tuple[int, NDArray[np.intp]]]:
-        """Equation of each coupling, and the coordinates in it."""
-        weights = [(row.left_weights != 0.0) | (row.right_weights != 0.0) for row in self.couplings]
-        return [(k, np.flatnonzero(own)) for k, own in enumerate(weights, self.rows - len(weights))]
+    def _entries(self) -> list[tuple[NDArray[np.intp], NDArray[np.intp]]]:
+        """Rows and columns of each block of the Jacobian: those of cut joints, then those of couplings."""
+        blocks = [block for group in self.groups for block in group.blocks]
+        entries = [(block.rows[:, :, None], block.columns[:, None]) for block in blocks]
+        for k, row in enumerate(self.couplings, self.rows - len(self.couplings)):
+            entries.append((np.array([k]), row.columns))
+        return entries
 
-    def _evaluated(self, q: Coordinates, poses: LinkPoses) -> tuple[Array, list[tuple[Any, Array]]]:
-        """Return residuals (rows, n), and blocks of the Jacobian with their rows and columns."""
+    def _evaluated(self, q: Coordinates, poses: LinkPoses) -> tuple[Array, list[Array]]:
+        """Return residuals (rows, n), and the values of `_entries`, (..., n)."""
         residual = np.empty((self.rows, len(q)), q.values.dtype)
-        blocks: list[tuple[Any, Array]] = []
+        blocks: list[Array] = []
         for group in self.groups:
-            own, wrench = group.residual_and_wrench(poses)
-            residual[group.all_rows] = own.reshape(group.rows.size, own.shape[2])
-            blocks += [(each.entries, each.jacobian(wrench, poses.unit_twists)) for each in group.blocks]
-        for coupling, offset, (k, columns) in zip(
-            self.couplings, self.turn_offsets, self._coupled, strict=True
-        ):
-            violation, derivative, _ = coupling.evaluate(q.values)
-            residual[k] = violation - offset / coupling.unit
-            blocks.append(((k, columns), derivative[columns] * self.units[columns, None]))
+            residual[group.rows], wrench = group.residual_and_wrench(poses)
+            for block in group.blocks:
+                moving = poses.unit_twists.take(block.columns, 0)
+                jacobian = np.einsum("irmn,mcin->mrcn", wrench[:, :, block.which], moving)
+                jacobian *= block.gains
+                blocks.append(jacobian)
+        first = self.rows - len(self.couplings)
+        for k, (row, offset) in enumerate(zip(self.couplings, self.turn_offsets, strict=True), first):
+            violation, derivative, _ = row.evaluate(q.values)
+            residual[k] = violation - offset
+            blocks.append(derivative[row.columns] * self.units[row.columns, None])
         return residual, blocks
 
     def velocity_products(
@@ -450,8 +436,7 @@ class TreeLoops:
         """Return the velocity-product terms of the residuals for coordinate rates (count, n), (rows, n)."""
         out = np.empty((self.rows, len(q)), twist.dtype)
         for group in self.groups:
-            terms = group.velocity_products(poses, twist, velocity_product)
-            out[group.all_rows] = terms.reshape(group.rows.size, len(q))
+            out[group.rows] = group.velocity_products(poses, twist, velocity_product)
         for k, coupling in enumerate(self.couplings, self.rows - len(self.turn_offsets)):
             out[k] = coupling.velocity_products(q.values, rates)
         return out
@@ -492,8 +477,7 @@ class TreeLoops:
         for ball, rotation, other in zip(self.tree.balls, q.turns, reference.turns, strict=True):
             columns = np.searchsorted(self.unknown, ball.first_angle) + np.arange(3)
             relative = matrix_product(rotation, other.transpose(1, 0, 2))
-            vector = 0.5 * (relative - relative.transpose(1, 0, 2))[[2, 0, 1], [1, 2, 0]]
-            offsets += (directions[:, columns] @ vector).T
+            offsets += (directions[:, columns] @ axial(relative)).T
             trace = np.einsum("iin->n", relative)
             change = 0.5 * (trace * np.eye(3)[..., None] - relative)
             rows[..., columns] = np.einsum("pi,ijn->npj", directions[:, columns], change)
@@ -513,11 +497,7 @@ class TreeLoops:
         ball = 0
         for branch in self.tree.branches:
             joint = branch.joint
-            point_a, frame_a, point_b, frame_b = (
-                (np.array(joint.a.point), joint.a.frame, np.array(joint.b.point), joint.b.frame)
-                if sides is None
-                else sides[joint.name]
-            )
+            point_a, frame_a, point_b, frame_b = branch.ends if sides is None else sides[joint.name]
             a, b = known_poses[joint.a.link], known_poses[joint.b.link]
             rotation_a, rotation_b = a.rotation @ frame_a, b.rotation @ frame_b
             gap = b.position + rotated(b.rotation, point_b) - a.position - rotated(a.rotation, point_a)
@@ -543,9 +523,9 @@ class TreeLoops:
         return Coordinates(out, q.turns)
 
     def revolutions_between(self, q: Coordinates) -> list[Array]:
-        """Return the whole revolutions between the sides of each coupling, (n,) in [rad]."""
+        """Return the whole revolutions between the sides of each coupling, (n,) in [rad]; 0 of a length."""
         return [
-            REVOLUTION * np.round(row.evaluate(q.values)[0] * row.unit / REVOLUTION) * row.turns
+            REVOLUTION * np.round(row.evaluate(q.values)[0] / REVOLUTION) * row.has_revolutions
             for row in self.couplings
         ]
 
@@ -555,36 +535,36 @@ TreeSolver: TypeAlias = LoopSolver[TreeLoops, Coordinates]
 
 
 def tree_loops(
-    mechanism: Mechanism, poses: Mapping[str, Pose], guess_coordinates: Mapping[str, float]
+    mechanism: Mechanism,
+    poses: Mapping[str, Pose] | None = None,
+    guess_coordinates: Mapping[str, float] | None = None,
 ) -> tuple[TreeLoops, Coordinates]:
     """Return the loop equations of a mechanism and the coordinates of its poses.
 
     Args:
         mechanism: the mechanism.
-        poses: pose of every moving link, closed or nearly so.
+        poses: one pose or n poses of every moving link, closed or nearly so; default those of the guess.
         guess_coordinates: coordinate -> value, for coordinates that poses do not determine: whole revolutions
-            of angles, and exact values of drivers and locked coordinates.
+            of angles, and exact values of drivers and locked coordinates; default those of the description.
     """
+    poses = guessed_poses(mechanism) if poses is None else poses
+    values = initial_coordinates(mechanism) if guess_coordinates is None else guess_coordinates
     tree = spanning_tree(mechanism)
     driven = tuple(tree.index_of[name] for name in (*mechanism.drivers, *mechanism.locked))
     loops = TreeLoops(tree, cuts_of(tree), (), driven)
-    q = loops.with_multi_turn(loops.read(poses), guess_coordinates)
+    q = loops.with_multi_turn(loops.read(poses), values)
     offsets = tuple(float(offset[0]) for offset in loops.revolutions_between(q))
     return replace(loops, turn_offsets=offsets), q
 
 
 def with_sides(loops: TreeLoops, sides: Mapping[str, Ends]) -> TreeLoops:
     """Return loops in which the sides of some joints vary by instant: points (3, n) and frames (3, 3, n)."""
-    constants = {**loops.tree.constants}
-    for branch in loops.tree.branches:
-        if branch.joint.name in sides:
-            point_a, frame_a, point_b, frame_b = sides[branch.joint.name]
-            a, b = (frame_a, point_a), (frame_b, point_b)
-            constants[branch.child] = JointSides(*a, *b) if branch.forward else JointSides(*b, *a)
-    cuts = tuple(
-        replace(cut, sides_of_designs=sides.get(cut.joint.name, cut.sides_of_designs)) for cut in loops.cuts
+    branches = (
+        replace(branch, ends=sides.get(branch.joint.name, branch.ends)) for branch in loops.tree.branches
     )
-    return TreeLoops(replace(loops.tree, sides=constants), cuts, loops.turn_offsets, loops.driven)
+    cuts = (replace(cut, ends=sides.get(cut.joint.name, cut.ends)) for cut in loops.cuts)
+    tree = replace(loops.tree, branches=tuple(branches))
+    return TreeLoops(tree, tuple(cuts), loops.turn_offsets, loops.driven)
 
 
 def axis_cosines(loops: TreeLoops, poses: LinkPoses) -> Iterator[tuple[str, int, Array]]:

@@ -3,7 +3,7 @@
 Instants are the last axis of every array, so that each component is contiguous in memory.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,6 +30,10 @@ class Coordinates:
 
     def __len__(self) -> int:
         return self.values.shape[1]
+
+    def __iter__(self) -> Iterator["Coordinates"]:
+        """Yield the coordinates at each instant."""
+        return (self.select(np.array([i])) for i in range(len(self)))
 
     def select(self, which: NDArray[np.bool_] | NDArray[np.intp]) -> "Coordinates":
         """Return the coordinates at some of the instants."""
@@ -185,6 +189,11 @@ def _summed(tree: SpanningTree, terms: Array) -> Array:
             value = value + terms[k]
         total[group.children] = value if group.parents is None else total[group.parents] + value
     return total
+
+
+def axial(matrix: Array) -> Array:
+    """Return the vectors (3, n) of the skew-symmetric components of matrices (3, 3, n)."""
+    return 0.5 * (matrix - matrix.transpose(1, 0, 2))[[2, 0, 1], [1, 2, 0]]
 
 
 def matrix_product(a: Array, b: Array) -> Array:

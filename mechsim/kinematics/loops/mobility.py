@@ -11,7 +11,6 @@ from mechsim.kinematics.loops.constraints import TreeLoops, TreeSolver, tree_loo
 from mechsim.kinematics.loops.kinematics import Coordinates, link_poses
 from mechsim.kinematics.loops.start import all_closed, assembled, closed, disturbed
 from mechsim.mechanism.joint_kinds import KINDS
-from mechsim.mechanism.link_poses import guessed_poses, initial_coordinates
 from mechsim.mechanism.links import GROUND, Pose
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
@@ -173,7 +172,7 @@ def _least_redundant(loops: TreeLoops, q: Coordinates, start: Coordinates) -> Co
         independent = [each for each in names if each not in redundant]
         driven = tuple(loops.tree.index_of[each] for each in (*independent, name))
         moved = all_closed(replace(loops, driven=driven), starts.select(np.arange(1, len(starts))))
-        if len(moved) and len(_redundant(loops, best := moved.select(np.array([0])))) < len(redundant):
+        if len(moved) and len(_redundant(loops, best := next(iter(moved)))) < len(redundant):
             return _least_redundant(loops, best, start)
     return q
 
@@ -200,13 +199,10 @@ def independent_coordinates(
 def _nearly_dependent_joints(loops: TreeLoops, q: Coordinates) -> list[str]:
     """Return the names of the cut joints with nearly dependent constraint equations."""
     u, values, _ = np.linalg.svd(loops.linearise(q)[1][..., 0], full_matrices=False)
-    share = np.abs(
-        u[:, significant(values) & ~significant(values, DIMENSION_TOLERANCE, DIMENSION_TOLERANCE)]
-    ).max(1, initial=0.0)
-    loop_of = np.repeat(np.arange(len(loops.cuts)), [cut.rows for cut in loops.cuts])
-    largest = share[: len(loop_of)].max(initial=0.0)
-    indices = loop_of[share[: len(loop_of)] > MIN_SHARE * largest].tolist()
-    return [loops.cuts[i].joint.name for i in dict.fromkeys(indices)] or ["couplings"]
+    nearly_zero = significant(values) & ~significant(values, DIMENSION_TOLERANCE, DIMENSION_TOLERANCE)
+    share = np.abs(u[: loops.rows - len(loops.couplings), nearly_zero]).max(1, initial=0.0)
+    rows = np.flatnonzero(share > MIN_SHARE * share.max(initial=0.0))
+    return [*dict.fromkeys(loops.row_names[i] for i in rows)] or ["couplings"]
 
 
 # displacements along a degree of freedom, in [rad] or characteristic lengths: a point at the top or bottom of
@@ -320,8 +316,7 @@ def _moved_by(solver: TreeSolver, directions: Array, displacement: float) -> Ite
         return
     # at a singular pose the loops do not allow the displacement
     closed = np.abs(result.linearised.residual).max(0, initial=0.0) < CLOSED
-    for i, closes in enumerate(closed):
-        after = result.q.select(np.array([i]))
+    for after, closes in zip(result.q, closed, strict=True):
         yield _displaced_names(loops, reference, after, MIN_MOTION * displacement) if closes else []
 
 
@@ -423,8 +418,8 @@ def dof_count(mechanism: Mechanism, poses: Mapping[str, Pose]) -> DofCount:
     """
     step = max(1, len(next(iter(poses.values())).position) // SAMPLED_POSES)
     sample = {name: pose.select(slice(None, None, step)) for name, pose in poses.items()}
-    loops, _ = tree_loops(mechanism, {name: pose.select(0) for name, pose in sample.items()}, {})
-    jacobians = loops.linearise(loops.read(sample))[1].transpose(2, 0, 1)
+    loops, q = tree_loops(mechanism, sample, {})
+    jacobians = loops.linearise(q)[1].transpose(2, 0, 1)
     free_rank, locked_rank = (
         max(rank(jacobian) for jacobian in matrices)
         for matrices in (jacobians, jacobians[:, :, loops.unknown])
@@ -440,7 +435,7 @@ def dof_count(mechanism: Mechanism, poses: Mapping[str, Pose]) -> DofCount:
 
 def solver_at_generic_pose(mechanism: Mechanism) -> tuple[TreeSolver, Array]:
     """Return a solver about the pose near the start with the highest rank, and the Jacobian there."""
-    loops, guess = tree_loops(mechanism, guessed_poses(mechanism), initial_coordinates(mechanism))
+    loops, guess = tree_loops(mechanism)
     try:
         start = closed(replace(loops, driven=()), guess)
     except AssemblyError:  # at the drivers' start the loops may close; otherwise the error gives the reason
@@ -464,9 +459,7 @@ def checked_start(mechanism: Mechanism) -> TreeSolver:
         loops, start = assembled(mechanism)
     except AssemblyError:
         # redundant drivers seldom agree to the last digit
-        require_no_redundant_drivers(
-            loop_solver(*tree_loops(mechanism, guessed_poses(mechanism), initial_coordinates(mechanism)))
-        )
+        require_no_redundant_drivers(loop_solver(*tree_loops(mechanism)))
         raise
     solver = loop_solver(loops, start)
     require_no_redundant_drivers(solver)

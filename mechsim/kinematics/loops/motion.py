@@ -14,18 +14,11 @@ from mechsim.errors import AssemblyError
 from mechsim.kinematics.loops.constraints import TreeLoops, TreeSolver, axis_cosines, tree_loops
 from mechsim.kinematics.loops.kinematics import link_poses, twists
 from mechsim.kinematics.loops.mobility import checked_start
-from mechsim.kinematics.loops.path import (
-    Instants,
-    LoopMotion,
-    LoopPath,
-    loop_motion,
-    smallest_singular_values,
-)
+from mechsim.kinematics.loops.path import Instants, LoopMotion, LoopPath, loop_motion
 from mechsim.kinematics.loops.record import tracked_points, tree_joint_motions
-from mechsim.kinematics.loops.start import ASSEMBLY, CLOSED, close_nearest, locked_values, with_locked
+from mechsim.kinematics.loops.start import ASSEMBLY, CLOSED, close_nearest, with_locked
 from mechsim.kinematics.path_instants import crank_angles, crank_rate
 from mechsim.mechanism.joint_kinds import antiparallel_message
-from mechsim.mechanism.link_poses import guessed_poses, initial_coordinates
 from mechsim.mechanism.links import Pose
 from mechsim.mechanism.mechanism import Mechanism, described, starting_at
 from mechsim.mechanism.motion import ChangePointPolicy, Motion
@@ -97,11 +90,8 @@ def assemble(
     Accuracy: residuals of a few ulp of the longest link away from a dead centre.
     """
     mechanism = described(mechanism)
-    angles, initial = crank_angles(mechanism.name, angles), initial_coordinates(mechanism)
-    poses = guessed_poses(mechanism) if guess is None else guess
-    first = {name: pose.select(0) for name, pose in poses.items()}
-    loops, _ = tree_loops(mechanism, first, initial)
-    q = loops.with_multi_turn(loops.read(poses), initial)
+    angles = crank_angles(mechanism.name, angles)
+    loops, q = tree_loops(mechanism, guess)
     q = q.repeated(len(angles)) if len(q) == 1 else q
     if mechanism.has_crank:
         q.values[loops.tree.index_of[mechanism.crank.name]] = angles
@@ -177,10 +167,10 @@ def _on_other_revolution(path: LoopPath, revolutions: int) -> LoopPath | None:
     for i, row in enumerate(path.loops.couplings):
         gain = (row.left_weights[crank] - row.right_weights[crank] * row.coupling.ratio) * revolutions
         # a rotation of another joint by the crank, which a rack or a screw turns into a displacement
-        carried = not row.turns and any(
+        carried = not row.has_revolutions and any(
             not tree.slides[i] for i in np.flatnonzero(row.right_weights) if i != crank
         )
-        if abs(gain - round(gain)) > INTEGER_TOLERANCE or (gain and not row.turns) or carried:
+        if abs(gain - round(gain)) > INTEGER_TOLERANCE or (gain and not row.has_revolutions) or carried:
             return None
         turn_offsets[i] += round(gain) * REVOLUTION
     start = path.start.values.copy()
@@ -256,10 +246,10 @@ def driven_path(
         InputError: for a mechanism without a crank, if no motion laws are given.
     """
     crank = mechanism.crank.name if motion_laws.crank else None
-    first, locked = checked_start(mechanism), locked_values(mechanism)
+    first = checked_start(mechanism)
 
     def prescribed(parameter: Array) -> Array:
-        return with_locked(motion_laws.along_path(parameter)[0], locked)
+        return with_locked(mechanism, motion_laws.along_path(parameter)[0])
 
     if crank is not None:
         initial = float(first.reference.values[first.loops.tree.index_of[crank], 0])
@@ -315,12 +305,12 @@ def solve_prescribed(path: LoopPath, motion_laws: MotionLaws, instants: Instants
 
 def with_locked_values(loops: TreeLoops, instants: Instants) -> Instants:
     """Return instants of the drivers completed by the locked coordinates."""
-    locked = locked_values(loops.tree.mechanism)
+    mechanism = loops.tree.mechanism
     return replace(
         instants,
-        value=with_locked(instants.value, locked),
-        rate=with_locked(instants.rate, 0.0 * locked),
-        second=with_locked(instants.second, 0.0 * locked),
+        value=with_locked(mechanism, instants.value),
+        rate=with_locked(mechanism, instants.rate, 1),
+        second=with_locked(mechanism, instants.second, 2),
     )
 
 
@@ -334,10 +324,11 @@ def conditioning(mechanism: Mechanism, poses: Mapping[str, Pose]) -> Array:
         mechanism: the mechanism.
         poses: moving link -> n poses.
     """
-    loops, _ = tree_loops(mechanism, {name: pose.select(0) for name, pose in poses.items()}, {})
-    jacobian = loops.linearise(loops.read(poses))[1][:, loops.unknown]
-    values = np.linalg.svd(jacobian.transpose(2, 0, 1), compute_uv=False)
-    return smallest_singular_values(jacobian, int(significant(values).sum(1).max(initial=0)))
+    loops, q = tree_loops(mechanism, poses, {})
+    jacobian = loops.linearise(q)[1][:, loops.unknown]
+    values = np.asarray(np.linalg.svd(jacobian.transpose(2, 0, 1), compute_uv=False), dtype=np.float64)
+    rank = int(significant(values).sum(1).max(initial=0))
+    return values[:, rank - 1] if rank else np.ones(len(values))
 
 
 def conditioning_of(mechanism: Mechanism, motion: Motion) -> Array:

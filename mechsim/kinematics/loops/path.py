@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from mechsim.errors import AssemblyError
 from mechsim.kinematics.loops.constraints import TreeLoops, TreeSolver
-from mechsim.kinematics.loops.kinematics import Coordinates, matrix_product, twists, velocity_products
+from mechsim.kinematics.loops.kinematics import Coordinates, axial, matrix_product, twists, velocity_products
 from mechsim.kinematics.loops.tree import SpanningTree
 from mechsim.kinematics.vector_method.vectors import array_cross as cross
 from mechsim.mechanism.limits import require_travel
@@ -285,14 +285,6 @@ def with_rates(path: LoopPath | None, chunk: ClosedChunk, *, conditioned: bool =
     )
 
 
-def smallest_singular_values(jacobian: Array, rank: int) -> Array:
-    """Return the smallest relevant singular values of Jacobians (rows, unknowns, n), (n,); else 1."""
-    if not rank:
-        return np.ones(jacobian.shape[2])
-    values = np.linalg.svd(jacobian.transpose(2, 0, 1), compute_uv=False)
-    return np.asarray(values[:, rank - 1], dtype=np.float64)
-
-
 def rates_of_polynomial(path: LoopPath, tree: SpanningTree, angle: Array) -> tuple[Array, Array]:
     """Return first and second derivatives of the coordinates by the parameter, of the polynomials."""
     first, second = path.derivatives(angle)
@@ -304,10 +296,7 @@ def rates_of_polynomial(path: LoopPath, tree: SpanningTree, angle: Array) -> tup
         rotation_rate, rotation_second = (
             np.ascontiguousarray(rows[:, columns].T).reshape(3, 3, -1) for rows in (first, second)
         )
-        skew_first = matrix_product(rotation_rate, rotation.transpose(1, 0, 2))
-        skew_second = matrix_product(rotation_second, rotation.transpose(1, 0, 2))
-        for rows, matrix in ((first_rates, skew_first), (second_rates, skew_second)):
-            rows[ball.first_angle : ball.first_angle + 3] = (
-                0.5 * (matrix - matrix.transpose(1, 0, 2))[[2, 0, 1], [1, 2, 0]]
-            )
+        columns = slice(ball.first_angle, ball.first_angle + 3)
+        first_rates[columns] = axial(matrix_product(rotation_rate, rotation.transpose(1, 0, 2)))
+        second_rates[columns] = axial(matrix_product(rotation_second, rotation.transpose(1, 0, 2)))
     return first_rates, second_rates

@@ -85,7 +85,7 @@ def tree_joint_motions(
     motions: dict[str, JointMotion] = {}
     for joint in joints:
         kind = KINDS[joint.kind]
-        if tree.first_index(joint.name) is None:
+        if joint.name not in tree.joint_names:
             for name, motion in joint_motions(joint, links).items():
                 angle = motion.unit == "rad"
                 motions[name] = replace(motion, value=unwrapped_angles(motion.value)) if angle else motion

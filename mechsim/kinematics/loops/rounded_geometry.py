@@ -27,7 +27,6 @@ from mechsim.kinematics.vector_method.rotations import turned_by
 from mechsim.mechanism.finding import HARMLESS, Finding
 from mechsim.mechanism.joint_kinds import KINDS
 from mechsim.mechanism.joints import End
-from mechsim.mechanism.link_poses import guessed_poses, initial_coordinates
 from mechsim.mechanism.links import VIRTUAL_PREFIX, Vector, vector
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
@@ -279,10 +278,9 @@ def _least_gap(mechanism: Mechanism) -> str:
         residual = loops.linearise(q)[0][:, 0]
         if not np.abs(residual).max() < MAX_ANGLE:
             continue
-        first, gap = 0, 0.0
-        for cut in loops.cuts:
-            rows = residual[first : first + len(cut.lengths)]
-            first, gap = first + cut.rows, max(gap, cut.length * float(np.linalg.norm(rows)))
+        gap = max(
+            (cut.length * float(np.linalg.norm(residual[rows])) for cut, rows in loops.gap_rows), default=0.0
+        )
         unit = mechanism.unit(name)
         return f"; least gap {gap:.2g} m at {name} = {q.values[index, 0]:.3g} {unit}"
     return ""
@@ -397,7 +395,7 @@ def _changed_side(end: End, changes: Array, length: float) -> tuple[Array, Array
 
 def _loops_and_guess(mechanism: Mechanism) -> tuple[TreeLoops, Coordinates]:
     """Return the loop equations with all coordinates free, and the stated configuration."""
-    loops, guess = tree_loops(mechanism, guessed_poses(mechanism), initial_coordinates(mechanism))
+    loops, guess = tree_loops(mechanism)
     return replace(loops, driven=()), guess
 
 

@@ -64,8 +64,7 @@ def assembly_failure(loops: TreeLoops, initial: Coordinates, final: Coordinates,
     across = _across(undriven, solution) if violation[0] >= CLOSED else ""
     if violation[0] >= CLOSED and not across and mechanism.drivers:
         others = all_closed(undriven, disturbed(undriven, initial))
-        each = [others.select(np.array([i])) for i in range(len(others))]
-        solution = min(each, key=lambda q: float(np.abs(q.values - initial.values).max()), default=solution)
+        solution = min(others, key=lambda q: float(np.abs(q.values - initial.values).max()), default=solution)
         violation = np.abs(undriven.linearise(solution)[0]).max(0, initial=0.0)
     if violation[0] < CLOSED:
         near_by = f"from the guess they close at {_driver_text(loops, solution)}"
@@ -74,12 +73,8 @@ def assembly_failure(loops: TreeLoops, initial: Coordinates, final: Coordinates,
         return f"{text}, because {across}; move one of its points by that"
     # the joint or coupling with the largest residual
     contradictory = remaining < CONTRADICTION
-    residual = np.abs(
-        (loops if contradictory else undriven).linearise(final if contradictory else solution)[0]
-    )
-    names = [cut.joint.name for cut in undriven.cuts for _ in range(cut.rows)]
-    names += [row.coupling.name for row in undriven.couplings]
-    worst = names[int(residual[:, 0].argmax())]
+    residual = loops.linearise(final if contradictory else solution)[0]
+    worst = loops.row_names[int(np.abs(residual[:, 0]).argmax())]
     if contradictory:
         return (
             f"{text} in {worst}: redundant dimensions contradict one another; give them more digits, or take "
@@ -92,12 +87,9 @@ def assembly_failure(loops: TreeLoops, initial: Coordinates, final: Coordinates,
 
 
 def _driver_text(loops: TreeLoops, q: Coordinates) -> str:
-    tree = loops.tree
-    indices = {name: tree.index_of[name] for name in tree.mechanism.drivers}
-    return ", ".join(
-        f"{name} = {q.values[index, 0]:.6g} {'m' if tree.slides[index] else 'rad'}"
-        for name, index in indices.items()
-    )
+    mechanism, index_of = loops.tree.mechanism, loops.tree.index_of
+    values = {name: q.values[index_of[name], 0] for name in mechanism.drivers}
+    return ", ".join(f"{name} = {value:.6g} {mechanism.unit(name)}" for name, value in values.items())
 
 
 def _across(loops: TreeLoops, q: Coordinates) -> str:
@@ -108,28 +100,18 @@ def _across(loops: TreeLoops, q: Coordinates) -> str:
         q, OTHER_POSE * (1.0 + 0.3 * np.arange(loops.tree.count))[:, None] / loops.tree.count
     )
     jacobians = np.concatenate([jacobian, loops.linearise(displaced)[1]], -1)
-    poses, first, largest, text = link_poses(loops.tree, q), 0, CLOSED, ""
-    for cut in loops.cuts:
-        rows = slice(first, first + len(cut.lengths))
-        first += cut.rows
+    poses, largest, text = link_poses(loops.tree, q), CLOSED, ""
+    for cut, rows in loops.gap_rows:
         gap = residual[rows, 0]
         violation = float(np.linalg.norm(gap))
-        if (
-            violation > largest
-            and np.abs(np.tensordot(gap, jacobians[rows], 1)).max(initial=0.0) < IMMOBILE * violation
-        ):
-            frame = CutGroup((cut,), np.arange(rows.start, first)[None]).frames(poses)[1]
+        change = np.abs(np.tensordot(gap, jacobians[rows], 1)).max(initial=0.0)
+        if violation > largest and change < IMMOBILE * violation:
+            frame = CutGroup((cut,), np.zeros((1, cut.rows), dtype=np.intp)).frames(poses)[1]
             displacement = frame[:, cut.lengths, 0, 0] @ gap * cut.length
-            along = ", ".join(
-                f"{component:.3g}"
-                for component in np.where(
-                    np.abs(displacement) < MIN_COMPONENT * np.abs(displacement).max(), 0.0, displacement
-                )
-            )
-            largest, text = (
-                violation,
-                f"{cut.joint.name} has a gap of ({along}) m that no joint in its loop can close",
-            )
+            displacement[np.abs(displacement) < MIN_COMPONENT * np.abs(displacement).max()] = 0.0
+            along = ", ".join(f"{component:.3g}" for component in displacement)
+            text = f"{cut.joint.name} has a gap of ({along}) m that no joint in its loop can close"
+            largest = violation
     return text
 
 
@@ -249,14 +231,34 @@ class _Assembly:
     Attributes:
         loops: their loop equations.
         q: the coordinates, one set.
-        distance: largest distance from the stated values, in characteristic lengths and [rad].
+        stated: coordinate -> stated value.
         searched: whether Newton's method from the stated values found none.
     """
 
     loops: TreeLoops
     q: Coordinates
-    distance: float
+    stated: Mapping[str, float]
     searched: bool = False
+
+    @cached_property
+    def distance(self) -> float:
+        """Largest distance of links from their guess, and of coordinates from their stated values.
+
+        It is in characteristic lengths and [rad].
+        """
+        if not self.loops.rows:
+            return 0.0
+        tree, worst = self.loops.tree, 0.0
+        poses = link_poses(tree, self.q)
+        for name, pose in tree.mechanism.guess.items():
+            i = tree.links[name]
+            distance = float(np.linalg.norm(poses.position[i, :, 0] - pose.position)) / tree.length
+            trace = float(np.trace(pose.rotation.T @ poses.rotation[i, :, :, 0]))
+            worst = max(worst, distance, float(np.arccos(np.clip(0.5 * (trace - 1.0), -1.0, 1.0))))
+        for name, value in self.stated.items():
+            if (index := tree.index_of.get(name)) is not None:
+                worst = max(worst, abs(float(self.q.values[index, 0]) - value) / float(tree.units[index]))
+        return worst
 
     @cached_property
     def rank(self) -> int:
@@ -318,18 +320,14 @@ def _nearest(mechanism: Mechanism, stated: Mapping[str, float]) -> _Assembly:
         except AssemblyError as failure:
             error = error or failure
             continue
-        candidates.append(_Assembly(loops, q, _distance(loops, q, stated)))
+        candidates.append(_Assembly(loops, q, stated))
         if candidates[-1].distance < MAX_DISTANCE and _regular(loops, initial):
             return candidates[-1]
     poses = guessed_poses(mechanism)
     loops, initial = tree_loops(mechanism, poses, initial_coordinates(mechanism, poses))
     searched = _next_to_stated(loops, all_closed(loops, disturbed(loops, initial)), stated)
-    for q in (searched.select(np.array([i])) for i in range(len(searched))):
-        candidates.append(
-            _Assembly(
-                loops, q, _distance(loops, q, stated), searched=not candidates or candidates[-1].searched
-            )
-        )
+    failed = not candidates
+    candidates += [_Assembly(loops, q, stated, searched=failed) for q in searched]
     if candidates:
         # from a singular assembly no motion is determined
         most = max(assembly.rank for assembly in candidates)
@@ -405,12 +403,12 @@ def _poses_about_guess(mechanism: Mechanism) -> dict[str, Pose]:
     A chain of joints alone can place a leg anywhere, not towards the plate that it carries.
     """
     framed = _with_guess_on_frame(mechanism)
-    loops, initial = tree_loops(framed, guessed_poses(framed), initial_coordinates(framed))
+    loops, initial = tree_loops(framed)
     result = newton(LoopSystem(loops, loops.unknown), disturbed(loops, initial), APPROACH, _damped)
     # the least disturbed start among those that close as well as any
     best = int(np.argmax(result.residual < NEARLY_CLOSED + result.residual.min()))
-    poses = link_poses(loops.tree, result.q.select(np.array([best]))).by_link(loops.tree.links)
-    return {name: pose.select(0) for name, pose in poses.items()}
+    poses = link_poses(loops.tree, result.q).by_link(loops.tree.links)
+    return {name: pose.select(best) for name, pose in poses.items()}
 
 
 def _with_guess_on_frame(mechanism: Mechanism) -> Mechanism:
@@ -436,35 +434,15 @@ def _with_guess_on_frame(mechanism: Mechanism) -> Mechanism:
     )
 
 
-def _distance(loops: TreeLoops, q: Coordinates, stated: Mapping[str, float]) -> float:
-    """Return the largest distance of links from their guess, and of coordinates from their stated values.
+def with_locked(mechanism: Mechanism, driven: Array, order: int = 0) -> Array:
+    """Return all prescribed coordinates, (drivers + locked, n), from those of the drivers, (drivers, n).
 
-    It is in characteristic lengths and [rad].
+    Of an order above 0 they are derivatives, which are 0 for locked coordinates.
     """
-    if not loops.rows:
-        return 0.0
-    mechanism, poses, worst = loops.tree.mechanism, link_poses(loops.tree, q), 0.0
-    for name, pose in mechanism.guess.items():
-        i = loops.tree.links[name]
-        distance = float(np.linalg.norm(poses.position[i, :, 0] - pose.position)) / loops.tree.length
-        trace = float(np.trace(pose.rotation.T @ poses.rotation[i, :, :, 0]))
-        worst = max(worst, distance, float(np.arccos(np.clip(0.5 * (trace - 1.0), -1.0, 1.0))))
-    for name, value in stated.items():
-        if (index := loops.tree.index_of.get(name)) is not None:
-            worst = max(worst, abs(float(q.values[index, 0]) - value) / float(loops.units[index]))
-    return worst
-
-
-def locked_values(mechanism: Mechanism) -> Array:
-    """Return the values of locked coordinates, (locked,) in [m] or [rad]."""
-    return np.array([*mechanism.locked.values()], dtype=np.float64)
-
-
-def with_locked(driven: Array, locked: Array) -> Array:
-    """Return all prescribed coordinates, (drivers + locked, n), from drivers (drivers, n) and (locked,)."""
-    if not len(locked):
+    if not mechanism.locked:
         return driven
-    return np.vstack([driven, np.broadcast_to(locked[:, None], (len(locked), driven.shape[1]))])
+    locked = np.array([*mechanism.locked.values()], dtype=np.float64) if order == 0 else 0.0
+    return np.vstack([driven, np.broadcast_to(locked, (driven.shape[1], len(mechanism.locked))).T])
 
 
 def closed(loops: TreeLoops, q: Coordinates) -> Coordinates:
@@ -472,7 +450,6 @@ def closed(loops: TreeLoops, q: Coordinates) -> Coordinates:
 
     Raises:
         AssemblyError: if they do not close; states the gap, and where they would close.
-        AssemblyError: where they do not close; names the gap that is left, and where they would.
     """
     solution, residual = close_nearest(loops, q)
     if residual[0] < CLOSED:
@@ -484,29 +461,18 @@ def closed(loops: TreeLoops, q: Coordinates) -> Coordinates:
 SAME_POSE = 1e-9
 
 
-@dataclass(frozen=True, slots=True)
-class ClosedStart:
-    """A mechanism whose guess is an assembly: every method starts in it.
-
-    Attributes:
-        mechanism: the mechanism; its guess includes revolutions of coupled joints, which a pose does not
-            determine. It is the given one if its guess is closed, or if its loops do not close.
-        note: distant stated values, as a sentence; empty if the assembly is near them.
-    """
-
-    mechanism: Mechanism
-    note: str = ""
-
-
 def with_closed_guess(mechanism: Mechanism) -> Mechanism:
     """Return the mechanism of `closed_start`."""
-    return closed_start(mechanism).mechanism
+    return closed_start(mechanism)[0]
 
 
-def closed_start(mechanism: Mechanism) -> ClosedStart:
-    """Return a mechanism in its assembly nearest to the stated values.
+def closed_start(mechanism: Mechanism) -> tuple[Mechanism, str]:
+    """Return a mechanism whose guess is its assembly nearest to the stated values, and a note.
 
-    Drivers move only if the loops do not close at their stated values.
+    Every method starts in this assembly. The guess includes revolutions of coupled joints, which a pose does
+    not determine. The mechanism is the same if its guess is closed, or if its loops do not close. Drivers
+    move only if the loops do not close at their stated values. The note is a sentence on distant stated
+    values; empty if the assembly is near them.
     """
     stated = mechanism
     try:
@@ -520,7 +486,7 @@ def closed_start(mechanism: Mechanism) -> ClosedStart:
             stated = replace(mechanism, driver=(), guess_coordinates=coordinates)
             assembly = _nearest(stated, stated.guess_coordinates)
         except AssemblyError:
-            return ClosedStart(mechanism)
+            return mechanism, ""
     poses, values = _poses_and_values(assembly.loops, assembly.q)
     # the coupled angles beyond half a revolution, which poses and prescribed values leave open
     counted = {*mechanism.guess_coordinates, *mechanism.drivers, *mechanism.locked}
@@ -531,11 +497,11 @@ def closed_start(mechanism: Mechanism) -> ClosedStart:
         coordinates = revolutions | {name: values[name] for name in stated.guess_coordinates}
         start = values[mechanism.drivers[0]] if mechanism.has_crank else mechanism.start
         started = replace(mechanism, guess=poses, start=start, guess_coordinates=coordinates)
-        return ClosedStart(started, f"{_distance_text(stated, assembly)}; it starts there")
+        return started, f"{_distance_text(stated, assembly)}; it starts there"
     coordinates = {**mechanism.guess_coordinates, **revolutions}
     if coordinates == mechanism.guess_coordinates and _is_closed_guess(mechanism, poses):
-        return ClosedStart(mechanism)
-    return ClosedStart(replace(mechanism, guess=poses, guess_coordinates=coordinates))
+        return mechanism, ""
+    return replace(mechanism, guess=poses, guess_coordinates=coordinates), ""
 
 
 def with_requested_start(mechanism: Mechanism, requested: Mapping[str, float]) -> Mechanism:
@@ -550,7 +516,7 @@ def with_requested_start(mechanism: Mechanism, requested: Mapping[str, float]) -
     # joints without coordinates, such as of floating bases, keep the guess of their links
     loose = {joint.b.link for joint in mechanism.joints if not joint.coordinates}
     guess = {link: pose for link, pose in mechanism.guess.items() if link in loose}
-    started = closed_start(replace(mechanism, guess=guess, guess_coordinates=stated, start=start)).mechanism
+    started = with_closed_guess(replace(mechanism, guess=guess, guess_coordinates=stated, start=start))
     poses, values = start_poses(started)
     coordinates = {name: values[name] for name in {**mechanism.guess_coordinates, **stated}}
     return replace(started, guess=poses, guess_coordinates=coordinates)

@@ -3,13 +3,13 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.mechanism.joint_kinds import COLUMN, KINDS, Kind, crossed_at_zero
-from mechsim.mechanism.joints import Joint
+from mechsim.mechanism.joints import Joint, Sides
 from mechsim.mechanism.link_poses import require_placed, split_joints
 from mechsim.mechanism.links import GROUND
 from mechsim.mechanism.mechanism import Mechanism
@@ -26,6 +26,18 @@ ABOUT_Z = np.array(
 )
 
 
+class JointSides(NamedTuple):
+    """The two sides of a tree joint in their links' frames: joint frames (3, 3) and points (3,) in [m].
+
+    Those of many designs are (3, 3, n) and (3, n).
+    """
+
+    parent_frame: Array
+    parent_point: Array
+    child_frame: Array
+    child_point: Array
+
+
 @dataclass(frozen=True)
 class TreeJoint:
     """A joint that places a link relative to a link nearer the frame.
@@ -36,6 +48,7 @@ class TreeJoint:
         parent: index of the parent; -1 is the ground.
         child: index of the placed link.
         first: index of its first coordinate.
+        ends: points and frames of its sides a and b, as `Joint.sides`; of many designs (3, n) and (3, 3, n).
     """
 
     joint: Joint
@@ -43,6 +56,7 @@ class TreeJoint:
     parent: int
     child: int
     first: int
+    ends: Sides
 
     @cached_property
     def kind(self) -> Kind:
@@ -65,38 +79,37 @@ class TreeJoint:
         count = 0 if self.kind.ball else len(self.kind.turns)
         return list(range(self.first_angle, self.first_angle + count))[:: 1 if self.forward else -1]
 
+    @cached_property
+    def sides(self) -> JointSides:
+        """Its sides on the parent and on the child."""
+        point_a, frame_a, point_b, frame_b = self.ends
+        sides = (frame_a, point_a, frame_b, point_b) if self.forward else (frame_b, point_b, frame_a, point_a)
+        return JointSides(*sides)
 
-@dataclass(frozen=True, slots=True)
-class JointSides:
-    """The two sides of a tree joint in their links' frames: joint frame (3, 3) and point (3,) in [m]."""
-
-    parent_frame: Array
-    parent_point: Array
-    child_frame: Array
-    child_point: Array
-
-    def axes(self, branch: TreeJoint) -> list[tuple[int, Array]]:
-        """Return the link of each axis, and the direction of the child's motion in its frame, (3,)."""
+    @cached_property
+    def axes(self) -> list[tuple[int, Array]]:
+        """The link of each axis, and the direction of the child's motion in its frame, (3,)."""
         axes: list[tuple[int, Array]] = []
-        for axis in (*branch.kind.slides, *branch.kind.turns):
-            on_child = (axis == "b") == branch.forward
-            frame, link = (self.child_frame, branch.child) if on_child else (self.parent_frame, branch.parent)
-            axes.append((link, branch.direction * frame[:, COLUMN[axis]]))
+        for axis in (*self.kind.slides, *self.kind.turns):
+            on_child = (axis == "b") == self.forward
+            frame = self.sides.child_frame if on_child else self.sides.parent_frame
+            axes.append((self.child if on_child else self.parent, self.direction * frame[:, COLUMN[axis]]))
         return axes
 
-    def rotations(self, branch: TreeJoint) -> list[Array]:
-        """Return the successive rotations of the child relative to the parent by the angles of the joint.
+    @cached_property
+    def rotations(self) -> list[Array]:
+        """The successive rotations of the child relative to the parent by the angles of the joint.
 
         Each is (9, 3): factors of 1, the cosine and the sine of the angle; (9, 3, n) for many designs.
         """
-        ends = [self.parent_frame, self.child_frame.swapaxes(0, 1)]
-        if branch.kind.crossed:
-            middle = crossed_at_zero(branch.joint.cross_angle)
-            ends[1:1] = [middle if branch.forward else middle.T, np.eye(3)]
-        rotation_terms = ABOUT_Z * np.array([1.0, 1.0, branch.direction])[:, None, None]
+        frames = [self.sides.parent_frame, self.sides.child_frame.swapaxes(0, 1)]
+        if self.kind.crossed:
+            middle = crossed_at_zero(self.joint.cross_angle)
+            frames[1:1] = [middle if self.forward else middle.T, np.eye(3)]
+        rotation_terms = ABOUT_Z * np.array([1.0, 1.0, self.direction])[:, None, None]
         rotations = (
             np.einsum("ij...,pjk,kl...->ilp...", first, rotation_terms, second)
-            for first, second in zip(ends[::2], ends[1::2], strict=True)
+            for first, second in zip(frames[::2], frames[1::2], strict=True)
         )
         return [rotation.reshape(9, 3, *rotation.shape[3:]) for rotation in rotations]
 
@@ -126,7 +139,7 @@ class JointGroup:
         columns: first coordinates of all, second coordinates, and so on.
         turns: rotations of spherical joints among those of all.
         sides: sides of the joints, each array with a first axis of length m.
-        rotations: angles of the joints, and their rotations as `JointSides.rotations`, with the same axis.
+        rotations: angles of the joints, and their rotations as `TreeJoint.rotations`, with the same axis.
         axes: whether each axis is fixed on the child, and its directions, (m, 3) or (m, 3, n).
     """
 
@@ -153,15 +166,12 @@ class SpanningTree:
         original: the mechanism before splitting.
         branches: tree joint of each link, nearest the frame first.
         cuts: the joints that close the loops, and all rods.
-        sides: index of a link -> sides of its tree joint, if they are not those of the joint, as of many
-            designs.
     """
 
     mechanism: Mechanism
     original: Mechanism
     branches: tuple[TreeJoint, ...]
     cuts: tuple[Joint, ...]
-    sides: Mapping[int, JointSides] | None = None
 
     @cached_property
     def links(self) -> dict[str, int]:
@@ -180,62 +190,36 @@ class SpanningTree:
         return {link.name: i for i, link in enumerate(self.mechanism.links)}
 
     @cached_property
-    def constants(self) -> Mapping[int, JointSides]:
-        """Index of a link -> sides of its tree joint."""
-        if self.sides is not None:
-            return self.sides
-        sides: dict[int, JointSides] = {}
-        for branch in self.branches:
-            a, b = branch.joint.a, branch.joint.b
-            parent_end, child_end = (a, b) if branch.forward else (b, a)
-            sides[branch.child] = JointSides(
-                parent_end.frame, np.array(parent_end.point), child_end.frame, np.array(child_end.point)
-            )
-        return sides
-
-    @cached_property
-    def rotations(self) -> dict[int, list[Array]]:
-        """Index of a link -> rotations of its tree joint, as `JointSides.rotations`."""
-        return {branch.child: self.constants[branch.child].rotations(branch) for branch in self.branches}
-
-    @cached_property
-    def axes(self) -> dict[int, list[tuple[int, Array]]]:
-        """Index of a link -> axes of its tree joint, as `JointSides.axes`."""
-        return {branch.child: self.constants[branch.child].axes(branch) for branch in self.branches}
-
-    @cached_property
     def groups(self) -> list[JointGroup]:
         """The tree joints in groups, those nearest the frame first."""
         depth, groups = {-1: 0}, dict[tuple[object, ...], list[TreeJoint]]()
         for branch in self.branches:
             depth[branch.child] = depth[branch.parent] + 1
-            many = self.constants[branch.child].parent_point.ndim
+            many = branch.sides.parent_point.ndim
             key = depth[branch.child], branch.joint.kind, branch.forward, branch.parent < 0, many
             groups.setdefault(key, []).append(branch)
-        ball_of = {ball.child: i for i, ball in enumerate(self.balls)}
-        ordered = sorted(groups.items(), key=lambda group: depth[group[1][0].child])
-        return [self._group(branches, ball_of) for _, branches in ordered]
+        ordered = sorted(groups.values(), key=lambda branches: depth[branches[0].child])
+        return [self._group(branches) for branches in ordered]
 
-    def _group(self, branches: Sequence[TreeJoint], ball_of: Mapping[int, int]) -> JointGroup:
-        like, children = branches[0], [branch.child for branch in branches]
-        sides = [self.constants[i] for i in children]
-        rotations = zip(*(self.rotations[i] for i in children), strict=True)
+    def _group(self, branches: Sequence[TreeJoint]) -> JointGroup:
+        like, balls = branches[0], [ball.child for ball in self.balls]
         columns = [indices([branch.first + k for branch in branches]) for k in range(like.kind.dof)]
+        rotations = zip(*(branch.rotations for branch in branches), strict=True)
         return JointGroup(
             like.kind,
             like.forward,
             None if like.parent < 0 else indices([branch.parent for branch in branches]),
-            indices(children),
+            indices([branch.child for branch in branches]),
             columns,
-            indices([ball_of[i] for i in children]) if like.kind.ball else None,
-            JointSides(*(np.stack([getattr(each, name) for each in sides]) for name in JointSides.__slots__)),
+            indices([balls.index(branch.child) for branch in branches]) if like.kind.ball else None,
+            JointSides(*map(np.stack, zip(*(branch.sides for branch in branches), strict=True))),
             [
                 (columns[k - like.first], np.stack(each))
                 for k, each in zip(like.angles, rotations, strict=False)
             ],
             [
-                (link == like.child, np.stack([self.axes[i][k][1] for i in children]))
-                for k, (link, _) in enumerate(self.axes[like.child])
+                (link == like.child, np.stack([branch.axes[k][1] for branch in branches]))
+                for k, (link, _) in enumerate(like.axes)
             ],
         )
 
@@ -282,9 +266,10 @@ class SpanningTree:
         """Unit of each coordinate in the equations: characteristic length for displacements, else 1 rad."""
         return np.where(self.slides, self.length, 1.0)
 
-    def first_index(self, joint: str) -> int | None:
-        """Return the index of the first coordinate of a joint; None if it closes a loop."""
-        return next((branch.first for branch in self.branches if branch.joint.name == joint), None)
+    @cached_property
+    def joint_names(self) -> frozenset[str]:
+        """Names of the tree joints; the others close loops."""
+        return frozenset(branch.joint.name for branch in self.branches)
 
     @cached_property
     def index_of(self) -> dict[str, int]:
@@ -340,9 +325,9 @@ def spanning_tree(mechanism: Mechanism) -> SpanningTree:
     while joint := next((j for j in waiting if (j.a.link in placed) != (j.b.link in placed)), None):
         waiting.remove(joint)
         forward = joint.a.link in placed
-        parent_end, child_end = (joint.a, joint.b) if forward else (joint.b, joint.a)
-        branches.append(TreeJoint(joint, forward, index[parent_end.link], index[child_end.link], count))
+        parent, child = joint.links if forward else joint.links[::-1]
+        branches.append(TreeJoint(joint, forward, index[parent], index[child], count, joint.sides))
         count += KINDS[joint.kind].dof
-        placed.add(child_end.link)
+        placed.add(child)
     require_placed(mechanism, placed)
     return SpanningTree(mechanism, mechanism, tuple(branches), cuts)

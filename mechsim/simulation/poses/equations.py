@@ -86,6 +86,10 @@ class ModelEquations:
         scale = self.closure.scale
         return (residual * scale).T, (jacobian * scale[:, None] * self.units).transpose(1, 2, 0), None
 
+    @property
+    def sparse(self) -> None:
+        """A model has whole Jacobians only."""
+
     def displaced(self, q: ModelStates, step: Array) -> ModelStates:
         """Return states displaced by a step (nv, n) in the units of the DOFs."""
         return ModelStates(self.closure.displaced(q.qpos, step.T * self.units))

@@ -12,7 +12,7 @@ from mechsim.kinematics.loops.constraints import TreeLoops, cuts_of
 from mechsim.kinematics.loops.kinematics import link_poses
 from mechsim.kinematics.loops.motion import driven_path
 from mechsim.kinematics.loops.path import LoopPath
-from mechsim.kinematics.loops.start import locked_values, with_locked
+from mechsim.kinematics.loops.start import with_locked
 from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.kinetics.initial_state import rotation_matrices, rotation_quaternions
 from mechsim.mechanism.mechanism import starting_at
@@ -64,10 +64,12 @@ class ComputedMotion:
 
     def driven(self, s: Array) -> tuple[Array, Array, Array]:
         """Return prescribed coordinates and two derivatives by the path parameter, (n, driven) each."""
-        locked = locked_values(self.path.loops.tree.mechanism)
-        value, first, second = self.motion_laws.along_path(s)
-        rest = 0.0 * locked
-        return with_locked(value, locked).T, with_locked(first, rest).T, with_locked(second, rest).T
+        mechanism = self.path.loops.tree.mechanism
+        value, first, second = (
+            with_locked(mechanism, driven, order).T
+            for order, driven in enumerate(self.motion_laws.along_path(s))
+        )
+        return value, first, second
 
     def driver_spread(self, centre: Array, half: Array) -> Array:
         """Return bounds of the drivers' deviation from the tangents of `driven` on segments, (n, driven)."""
