@@ -35,6 +35,40 @@ def mujoco_input(model: Any, loops: str | PathLike[str] | None = None) -> "Mujoc
     Raises:
         InputError: for `loops` with another model.
     """
+    source = _source(model, loops)
+    if source is None:
+        return None
+    from mechsim.simulation.mjcf_reader.reading import read_model
+
+    with suppress(MechsimError):
+        return with_exact_angles(source, corrected(read_model(source, lint=True).mechanism))
+    return source
+
+
+def linted(model: Any, loops: str | PathLike[str] | None = None) -> "MjcfModel | None":
+    """Return a model that MuJoCo compiles as the linter reads it; None for any other model.
+
+    Arguments and errors are those of `mujoco_input` and `read_model`.
+    """
+    source, exact = _source(model, loops), None
+    if source is None:
+        return None
+    from mechsim.simulation.mjcf_reader.reading import read_model
+
+    read = read_model(source, lint=True)
+    with suppress(MechsimError):
+        exact = corrected(read.mechanism)
+    if exact is not None and exact.finding is not None:
+        read, exact = read_model(with_exact_angles(source, exact), lint=True), None
+    if exact is None or not exact.consistent:
+        exact = corrected(read.mechanism, MAX_ANGLE)
+    # the assembly in which every command starts it, if it is not its start
+    initial, note = started(read, exact.mechanism)
+    return replace(read, nearest=state_of(read, initial)) if note else read
+
+
+def _source(model: Any, loops: str | PathLike[str] | None) -> "MujocoInput | None":
+    """Return the path or object of a model that MuJoCo compiles, with its own angles; None for any other."""
     # of a solver
     model = getattr(getattr(model, "source", None), "spec", model)
     named = fspath(model) if isinstance(model, str | PathLike) else model
@@ -47,10 +81,6 @@ def mujoco_input(model: Any, loops: str | PathLike[str] | None = None) -> "Mujoc
             return None
     elif type(closed).__name__ not in ("UrdfFile", "MjSpec", "MjModel"):
         return None
-    from mechsim.simulation.mjcf_reader.reading import read_model
-
-    with suppress(MechsimError):
-        return with_exact_angles(closed, corrected(read_model(closed, lint=True).mechanism))
     return closed
 
 
@@ -114,12 +144,6 @@ def started(model: "MjcfModel", mechanism: Mechanism) -> tuple[Mechanism, str]:
         locked = {name: reached[name] if value == values[name] else value for name, value in locked.items()}
         nearest, note = unlocked, unlocked_note
     return replace(nearest, locked=locked), note
-
-
-def with_nearest_assembly(model: "MjcfModel") -> "MjcfModel":
-    """Return a model with the assembly in which every command starts it, if it is not its start."""
-    initial, note = started(model, corrected(model.mechanism, MAX_ANGLE).mechanism)
-    return replace(model, nearest=state_of(model, initial)) if note else model
 
 
 def state_of(model: "MjcfModel", mechanism: Mechanism) -> Array:

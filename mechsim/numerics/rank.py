@@ -41,10 +41,10 @@ def rank(matrix: Array, tolerance: float = RANK_TOLERANCE, floor: float = FLOOR)
 
 
 def _relevant(matrix: Array) -> Any:
-    """Return an index of the rows of a large matrix, (..., m, k), that are not zero; else of all rows."""
-    if matrix.shape[-2] < MANY or matrix.ndim > 2:
+    """Return an index of the rows of large matrices, (..., m, k), that are not all zero; else of all rows."""
+    if matrix.shape[-2] < MANY:
         return ...
-    return matrix.any(-1)
+    return ..., matrix.any((*range(matrix.ndim - 2), -1)), slice(None)
 
 
 def pivot_columns(matrix: Array) -> tuple[NDArray[np.intp], Array]:
@@ -105,6 +105,7 @@ def pseudo_inverse(matrix: Array, tolerance: float = RANK_TOLERANCE, floor: floa
 
 def least_norm(matrix: Array, right: Array, tolerance: float = RANK_TOLERANCE, floor: float = FLOOR) -> Array:
     """Return the minimum-norm least-squares solutions, (..., k), of (..., m, k) x = (..., m)."""
-    if len(matrix) == 1 and (relevant := _relevant(matrix[0])) is not ...:
-        matrix, right = matrix[:, relevant], right[:, relevant]
+    relevant = _relevant(matrix)
+    if relevant is not ...:
+        matrix, right = matrix[relevant], right[relevant[:2]]
     return (pseudo_inverse(matrix, tolerance, floor) @ right[..., None])[..., 0]

@@ -203,12 +203,12 @@ class StraightPath:
         return qpos, closed & ~outside_limits(self.loops.model, qpos).any(1)
 
 
-def _influence(loops: ModelLoops, reference: Array) -> Array:
+def _influence(loops: ModelLoops, reference: Array, probes: Array | None = None) -> Array:
     """Return the largest effects of DOFs on the equations of loops near a closed configuration, (m, nv)."""
     # in a singular reference some joints do not affect a loop to first order; rotations of a floating base
     # affect open loops only
-    closed = np.concatenate([reference[None], _probes(loops, reference, np.arange(loops.model.nv))])
-    return np.abs(loops.linearise(closed)[1] * loops.units).max(0)
+    probes = _probes(loops, reference, np.arange(loops.model.nv)) if probes is None else probes
+    return np.abs(loops.linearise(np.concatenate([reference[None], probes]))[1] * loops.units).max(0)
 
 
 def _probes(loops: ModelLoops, reference: Array, dofs: NDArray[np.int64]) -> Array:
@@ -384,7 +384,8 @@ def straight_path(
     starts = start[None] if start is not None else np.concatenate([model.qpos0[None], model.key_qpos])
     closed = _closed_reference(loops, starts, others, loops.units[others] * weights[others])
     rank, jacobian = _rank(loops, closed[None], free), loops.linearise(closed[None])[1][0] * loops.units
-    if _rank(loops, _probes(loops, closed, free), free) > rank:
+    probes = _probes(loops, closed, free)
+    if _rank(loops, probes, free) > rank:
         raise InputError(
             "the model starts in a singular configuration, where assemblies meet; start away from it with "
             "--start JOINT=VALUE"
@@ -398,7 +399,7 @@ def straight_path(
         )
     passive = np.sort(others[order[:rank]])
     if drivers is None:
-        influence = _influence(loops, closed).max(0)
+        influence = _influence(loops, closed, None if fix_base else probes).max(0)
         in_loops = model.dof_jntid[influence > ROUNDED_ERROR * influence.max(initial=0.0)]
         drawn = np.isin(kinds, SCALAR) | np.isin(model.dof_jntid, in_loops)
         drivers = np.setdiff1d(free[drawn[free]], passive).tolist()

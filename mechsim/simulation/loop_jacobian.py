@@ -128,11 +128,10 @@ def null_space(loops: ModelLoops, jacobian: Array) -> Array:
 def solve(loops: ModelLoops, jacobian: Array, right: Array) -> Array:
     """Return the minimum-norm x (n, nv - 1, k) of J x = right (n, m, k) in all DOFs but the crank."""
     matrix = constrained_jacobian(loops, jacobian)
-    rows = loops.independent.basis_of(matrix)
-    if rows is None:
+    reduced = loops.independent.reduced(matrix, right)
+    if reduced is None:
         return np.linalg.pinv(matrix, rcond=RANK_TOLERANCE) @ right
-    if rows.shape[1] < rows.shape[0]:
-        matrix, right = rows.T @ matrix, rows.T @ right
+    matrix, right = reduced
     if matrix.shape[1] == matrix.shape[2]:
         return np.asarray(np.linalg.solve(matrix, right), dtype=np.float64)
     transposed = np.swapaxes(matrix, -1, -2)

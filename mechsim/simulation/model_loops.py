@@ -18,7 +18,10 @@ from mechsim.numerics.arrays import Array
 from mechsim.numerics.rank import RANK_TOLERANCE
 from mechsim.simulation.drivers import PARAMETER_JOINT, Drivers
 from mechsim.simulation.equality_rows import CouplingConstraint, FramePair, PointPair, RodPair, constraints
-from mechsim.simulation.state import HINGE, PosedBodies, angular_dofs, displaced, rotated
+from mechsim.simulation.state import HINGE, PosedBodies, angular_dofs, displaced
+
+# largest number of states evaluated together, and of the entries of their Jacobians: they fit into the cache
+CHUNK, CHUNK_NUMBERS = 2048, 2_000_000
 
 
 class IndependentRows:
@@ -28,23 +31,30 @@ class IndependentRows:
     Bennett's, the set of redundant equations changes from pose to pose.
 
     Attributes:
-        basis: bases of the independent constraints, (m, rank), and of the redundant constraints; None before
-            the first Jacobian.
+        basis: rows that are not zero, and bases of the independent constraints among them, (m, rank), and of
+            the redundant ones; None before the first Jacobian.
     """
 
     def __init__(self) -> None:
-        self.basis: tuple[Array, Array] | None = None
+        self.basis: tuple[NDArray[np.bool_], Array, Array] | None = None
 
-    def basis_of(self, matrix: Array) -> Array | None:
-        """Return the basis of independent constraints, (m, rank); None if it changes with the pose."""
+    def reduced(self, matrix: Array, right: Array) -> tuple[Array, Array] | None:
+        """Return independent equations J x = right, (n, rank, k) each; None if they change with the pose."""
         if self.basis is None:
+            # rows out of the plane of a linkage are zero, and their basis takes long for a hundred loops
+            rows = matrix[0].any(1)
             # a model may have thousands of unconstrained DOFs, which need no basis
-            u, values, _ = np.linalg.svd(matrix[0], full_matrices=matrix.shape[1] > matrix.shape[2])
+            u, values, _ = np.linalg.svd(matrix[0, rows], full_matrices=rows.sum() > matrix.shape[2])
             rank = int((values > RANK_TOLERANCE * values.max(initial=0.0)).sum())
-            self.basis = u[:, :rank], u[:, rank:]
-        rows, redundant = self.basis
-        ignored = np.abs(redundant.T @ matrix).max(initial=0.0)
-        return None if ignored > RANK_TOLERANCE * np.abs(matrix).max(initial=0.0) else rows
+            self.basis = rows, u[:, :rank], u[:, rank:]
+        rows, basis, redundant = self.basis
+        largest, others = np.abs(matrix).max(initial=0.0), np.abs(matrix[:, ~rows]).max(initial=0.0)
+        if not rows.all():
+            matrix, right = matrix[:, rows], right[:, rows]
+        ignored = np.abs(redundant.T @ matrix).max(initial=others)
+        if ignored > RANK_TOLERANCE * largest:
+            return None
+        return (basis.T @ matrix, basis.T @ right) if redundant.size else (matrix, right)
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,6 +137,11 @@ class ModelLoops:
         return np.where(self.angular_dofs, 1.0, self.characteristic_length)
 
     @property
+    def chunk(self) -> int:
+        """Number of states whose Jacobians are evaluated together, which limits memory."""
+        return max(1, min(CHUNK, CHUNK_NUMBERS // max(1, len(self.scale) * self.model.nv)))
+
+    @property
     def point_rows(self) -> slice:
         """The residuals of coincident points, then of rods, in [m]."""
         return slice(0, 3 * len(self.pairs) + len(self.rods))
@@ -174,14 +189,13 @@ class ModelLoops:
 
     def residual_and_derivative(self, qpos: Array) -> tuple[Array, Callable[[], Array]]:
         """Return the residuals and a function for their Jacobian, valid until the next evaluation."""
-        position, rotation, point_jacobian = self.posed.poses(qpos)
-        n, nv = len(qpos), self.model.nv
-        ends = [
-            [(body, position[:, body] + rotated(rotation[:, body], local)) for body, local in pair.ends]
-            for pair in (*self.pairs, *self.rods)
-        ]
-        gaps = [a[1] - b[1] for a, b in ends]
-        rods = list(zip(self.rods, gaps[len(self.pairs) :], strict=True))
+        position, rotation, _ = self.posed.poses(qpos)
+        bodies, local = self._ends
+        points = position[:, bodies] + (rotation[:, bodies] @ local[..., None])[..., 0]
+        gaps, lengths = points[:, 0] - points[:, 1], np.array([rod.length for rod in self.rods])
+        # members of the loops: pairs before the first, rods before the second, then frames
+        n, first, second = len(qpos), len(self.pairs), len(self.pairs) + len(self.rods)
+        along = gaps[:, first:second] / lengths[:, None]
         errors = [pair.rotation_error(*(rotation[:, body] for body in pair.bodies)) for pair in self.frames]
         coupled = [coupling.residual(qpos)[:, None] for coupling in self.couplings]
         drivers, law = self.drivers, None
@@ -189,31 +203,74 @@ class ModelLoops:
             law = drivers.law(qpos[:, self.crank_address])
             coupled.append(qpos[:, drivers.addresses] - law[0].T)
         chunks = [
-            np.zeros((n, 0)),
-            *gaps[: len(self.pairs)],
-            *(0.5 * ((rod.along(gap) * gap).sum(1, keepdims=True) - rod.length) for rod, gap in rods),
+            gaps[:, :first].reshape(n, 3 * first),
+            0.5 * ((along * gaps[:, first:second]).sum(2) - lengths),
             *(apart for apart, _ in errors),
             *coupled,
         ]
 
         def jacobian() -> Array:
-            chunks = [np.zeros((n, 0, nv))]
-            fixed = np.zeros((n, 3, nv))
-            for i, points in enumerate(ends, -len(self.pairs)):
-                a, b = (point_jacobian(body, point)[0] if body else fixed for body, point in points)
-                chunks.append(a - b if i < 0 else rods[i][0].along(rods[i][1])[:, None] @ (a - b))
-            for pair, (_, rate) in zip(self.frames, errors, strict=True):
-                a, b = (point_jacobian(body, position[:, body])[1] if body else fixed for body in pair.bodies)
-                chunks.append(rate @ (a - b))
-            chunks += [coupling.jacobian(qpos, nv)[:, None] for coupling in self.couplings]
+            out = np.zeros((n, len(self.scale), self.model.nv))
+            side, member, dofs = self._moving_dofs
+            linear, angular = self.posed.rates(bodies[side, member], dofs, points[:, side, member])
+            sign = np.where(side, -1.0, 1.0)[:, None]
+            linear, angular = sign * linear, sign * angular
+            # both sides may move with the same DOF
+            for own in (side == 0, side == 1):
+                pairs = own & (member < first)
+                rows = 3 * member[pairs, None] + np.arange(3)
+                out[:, rows, dofs[pairs, None]] += linear[:, pairs]
+                if self.rods:
+                    rods = own & (member >= first) & (member < second)
+                    stretching = (along[:, member[rods] - first] * linear[:, rods]).sum(2)
+                    out[:, 2 * first + member[rods], dofs[rods]] += stretching
+                for i, (_, rate) in enumerate(errors):
+                    frame = own & (member == second + i)
+                    rows = self.frame_rows.start + 3 * i + np.arange(3)
+                    out[:, rows, dofs[frame, None]] += angular[:, frame] @ rate.swapaxes(1, 2)
+            for i, coupling in enumerate(self.couplings, self.coupled_rows.start):
+                out[:, i] = coupling.jacobian(qpos, self.model.nv)
             if drivers is not None and law is not None:
-                rows = np.zeros((n, len(drivers.dofs), nv))
-                rows[:, np.arange(len(drivers.dofs)), drivers.dofs] = 1.0
-                rows[:, :, self.crank] = -law[1].T
-                chunks.append(rows)
-            return np.concatenate(chunks, 1)
+                rows = self.driven_rows.start + np.arange(len(drivers.dofs))
+                out[:, rows, drivers.dofs] = 1.0
+                out[:, rows, self.crank] = -law[1].T
+            return out
 
         return np.concatenate(chunks, 1), jacobian
+
+    @cached_property
+    def _ends(self) -> tuple[NDArray[np.intp], Array]:
+        """Bodies of both sides of points and frames, (2, k), and their points, (2, k, 3) in [m]."""
+        members = (*self.pairs, *self.rods, *self.frames)
+        bodies = np.array([each.bodies for each in members], dtype=np.intp).reshape(-1, 2)
+        local = [each.local for each in (*self.pairs, *self.rods)] + [(np.zeros(3),) * 2] * len(self.frames)
+        return bodies.T, np.array(local).reshape(-1, 2, 3).swapaxes(0, 1)
+
+    @cached_property
+    def _moving_dofs(self) -> NDArray[np.intp]:
+        """The DOFs that move points and frames: side, number of the member and DOF of each, (3, e)."""
+        moving = [self.posed.moving_dofs(bodies) for bodies in self._ends[0]]
+        return np.hstack(
+            [(np.full(len(dofs), side), member, dofs) for side, (member, dofs) in enumerate(moving)]
+        )
+
+    @cached_property
+    def entries(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Rows and columns of all entries of the Jacobian that are nonzero at some state."""
+        nonzero = np.zeros((len(self.scale), self.model.nv), dtype=np.bool_)
+        _, member, dofs = self._moving_dofs
+        pairs, points = len(self.pairs), len(self.pairs) + len(self.rods)
+        for i, dof in zip(member.tolist(), dofs.tolist(), strict=True):
+            # the row of a rod, or the three of a pair or a frame
+            first = 3 * min(i, pairs) + min(max(i - pairs, 0), points - pairs) + 3 * max(i - points, 0)
+            nonzero[first : first + (1 if pairs <= i < points else 3), dof] = True
+        for i, coupling in enumerate(self.couplings, self.coupled_rows.start):
+            nonzero[i, [dof for each in (coupling.left, coupling.right) if each for dof in each.dofs]] = True
+        nonzero[self.driven_rows, self.crank] = True
+        if self.drivers is not None:
+            nonzero[self.driven_rows, self.drivers.dofs] |= np.eye(len(self.drivers.dofs), dtype=np.bool_)
+        rows, columns = np.nonzero(nonzero)
+        return rows, columns
 
     def displaced(self, qpos: Array, step: Array) -> Array:
         """Return states displaced by a step in the DOFs, (n, nq)."""

@@ -22,6 +22,8 @@ SCALAR = (HINGE, SLIDE)
 # body and points on it, (n, 3) -> the Jacobians of the points and of the body's rotation, (n, 3, nv) each
 PointJacobians = Callable[[int, Array], tuple[Array, Array]]
 
+Integers = NDArray[np.intp]
+
 # number of states up to which one thread is as fast as two: a few milliseconds of work
 ONE_THREAD = 4096
 
@@ -56,10 +58,46 @@ class PosedBodies:
                 self._batches.clear()
             self._batches[n] = batch.Batch(self.kinematic_model, n, 1 if n <= ONE_THREAD else 0)
         sims = self._batches[n]
-        position, matrix = sims.bind("xpos"), sims.bind("xmat")
+        # what `rates` reads is computed with them
+        position, matrix, *_ = map(sims.bind, ("xpos", "xmat", "cdof", "subtree_com"))
         sims.bind("qpos")[:] = qpos
         sims.forward(stage=int(mujoco.mjtStage.mjSTAGE_POS))
         return position, matrix.reshape(*matrix.shape[:2], 3, 3), sims.jac
+
+    def moving_dofs(self, bodies: Integers) -> tuple[Integers, Integers]:
+        """Return the DOFs that move bodies: the index of each body among these, and the DOF, (e,) each."""
+        model = self.kinematic_model
+        # a body without joints moves as its parent does
+        last = np.full(model.nbody, -1)
+        for body in range(1, model.nbody):
+            count = model.body_dofnum[body]
+            last[body] = model.body_dofadr[body] + count - 1 if count else last[model.body_parentid[body]]
+        entries: list[tuple[int, int]] = []
+        for i, dof in enumerate(last[bodies].tolist()):
+            while dof >= 0:
+                entries.append((i, dof))
+                dof = int(model.dof_parentid[dof])
+        index, dofs = np.array(entries, dtype=np.intp).reshape(-1, 2).T
+        return index, dofs
+
+    def rates(self, bodies: Integers, dofs: Integers, points: Array) -> tuple[Array, Array]:
+        """Return velocities of points of bodies, and their angular velocities, at unit rates of DOFs.
+
+        Args:
+            bodies: (e,).
+            dofs: one that moves each of them, (e,).
+            points: positions at the states of the last call of `poses`, (n, e, 3) in [m].
+
+        Returns:
+            (n, e, 3) each.
+        """
+        sims, model = self._batches[len(points)], self.kinematic_model
+        # motions of the DOFs about the centres of mass of their trees, angular before linear
+        axes, centres = sims.bind("cdof")[:, dofs], sims.bind("subtree_com")
+        angular, arms = axes[..., :3], points - centres[:, model.body_rootid[bodies]]
+        ahead, behind = [1, 2, 0], [2, 0, 1]
+        turned = angular[..., ahead] * arms[..., behind] - angular[..., behind] * arms[..., ahead]
+        return axes[..., 3:] + turned, angular
 
     def body_poses(self, qpos: Array) -> tuple[Array, Array]:
         """Return positions and rotations of all bodies at n states, (n, nbody, 3) and (n, nbody, 3, 3)."""

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from mechsim.errors import InputError, MechsimError
-from mechsim.io.mujoco_inputs import mujoco_input, with_nearest_assembly
+from mechsim.io.mujoco_inputs import linted
 from mechsim.mechanism.finding import Finding
 from mechsim.simulation.findings.rule_table import RULES
 from mechsim.simulation.findings.rules import fixed_text, unreadable, violations
@@ -101,9 +101,9 @@ def fixed_copy(path: str, target: Path, violated: Sequence[Finding]) -> tuple[st
 
 
 def _read(model: Any, loops: str | PathLike[str] | None = None) -> MjcfModel:
-    own = mujoco_input(model, loops)
+    own = linted(model, loops)
     if own is not None:
-        return with_nearest_assembly(read_model(own, lint=True))
+        return own
     from mechsim.io.readers import load
     from mechsim.studies.robots.mujoco_models import rounded_angle, spec_and_unlimited
 

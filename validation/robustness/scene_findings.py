@@ -21,7 +21,7 @@ import numpy as np
 
 from mechsim.errors import MechsimError
 from mechsim.simulation.findings import findings
-from mechsim.simulation.findings.inspected import EQUALITY, Inspected, driver_swing
+from mechsim.simulation.findings.inspected import EQUALITY, Inspected, driver_swing, null_space
 from mechsim.simulation.findings.predicted_gap import drive_directions, gaps_in, loop_forces
 from mechsim.simulation.findings.rule_table import BY_KIND
 from mechsim.simulation.findings.rules import violations
@@ -246,7 +246,7 @@ def required_forces(scene: Inspected, motion, inputs):
         mujoco.mj_fullM(model, data, inertia)
         jacobian = data.efc_J.reshape(-1, model.nv)[data.efc_type == EQUALITY]
         remaining = inertia @ qacc + data.qfrc_bias - data.qfrc_passive
-        remaining -= jacobian.T @ loop_forces(scene, data, qacc, inputs)
+        remaining -= jacobian.T @ loop_forces(data, qacc, null_space(inputs))
         forces.append(np.linalg.lstsq(inputs.T, remaining, rcond=None)[0])
         inertias.append([inertia[d, d] / row[d] for d, row in zip(dofs, inputs, strict=True)])
     return np.array(forces), np.array(inertias), dofs

@@ -70,6 +70,7 @@ class Corrected:
         changes: name of a joint, its side a or b, and the shift in [m] and rotation in [rad], in the frame of
             the side's link, that make rounded angles exact.
         finding: the rounded angle that locks the loops as written, and their gap; None for none.
+        consistent: whether the dimensions are consistent as written.
     """
 
     mechanism: Mechanism
@@ -77,6 +78,7 @@ class Corrected:
     rotated: float = 0.0
     changes: tuple[tuple[str, str, Vector, Vector], ...] = ()
     finding: Finding | None = None
+    consistent: bool = False
 
     @property
     def facts(self) -> list[str]:
@@ -103,15 +105,15 @@ def corrected(mechanism: Mechanism, most: float = MAX_CORRECTION) -> Corrected:
     """
     loops, guess = _loops_and_guess(mechanism)
     if not loops.rows:
-        return Corrected(mechanism)
+        return Corrected(mechanism, consistent=True)
     poses = generic_poses(loops, guess, PROBES, RANK_TOLERANCE)
     # loops that lock return to the pose in which they can be assembled
     moved = np.abs(poses[-1].values - poses[0].values)[:, 0] / loops.units
     if moved.max(initial=0.0) > MOVING and all(_is_exact(loops, q) for q in poses):
-        return Corrected(mechanism)
+        return Corrected(mechanism, consistent=True)
     nearly = generic_poses(loops, guess, PROBES, ANGLE_TOLERANCE, ANGLE_TOLERANCE)
     if not _inconsistent(loops, _joined(nearly), ANGLE_TOLERANCE):
-        return Corrected(mechanism)
+        return Corrected(mechanism, consistent=True)
     change, cause, error = _rotations_to_usual_angles(mechanism)
     if not (cause and _is_locked(mechanism)):
         return _with_consistent_dimensions(mechanism, most)

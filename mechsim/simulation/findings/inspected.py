@@ -193,7 +193,7 @@ class Inspected:
             error = float(np.abs(gap).max(initial=0.0)) / self.length
             if error <= CLOSED_TOLERANCE or (error < ROUNDED_ERROR and last < CONVERGED):
                 return qpos
-            step = -np.linalg.pinv(jacobian, rcond=RANK_TOLERANCE) @ gap
+            step = -numerical_rank.least_norm(jacobian[None], gap[None], RANK_TOLERANCE, 0.0)[0]
             if not np.isfinite(step).all():
                 return None
             last = float(np.abs(step).max())
@@ -327,10 +327,15 @@ def _moved(scene: Inspected, laws: MotionLaws, description: str, *, returns: boo
     closed = at_initial_state(closed, laws)
     time = np.linspace(0.0, laws.duration, SAMPLES)
     angle, speed, _ = parameter_profile(laws).state(time)
+    # the second half of a swing is the first one, reversed
     states = follow(closed.loops, closed.qpos, angle[: SAMPLES // 2 + 1] if returns else angle)
+    parts = np.split(states, range(closed.loops.chunk, len(states), closed.loops.chunk))
+    rates = np.concatenate(
+        [loop_jacobian.tangent(closed.loops, closed.loops.linearise(part)[1]) for part in parts]
+    )
     if returns:
-        states = np.concatenate([states, states[-2::-1]])
-    rates = loop_jacobian.tangent(closed.loops, closed.loops.linearise(states)[1]) * speed[:, None]
+        states, rates = (np.concatenate([each, each[-2::-1]]) for each in (states, rates))
+    rates *= speed[:, None]
     # states and rates without the entries of the path parameter
     parameter = closed.model.joint(PARAMETER_JOINT)
     qpos = np.delete(states, int(parameter.qposadr[0]), axis=1)

@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 from mechsim.errors import MechsimError
 from mechsim.mechanism.finding import Finding
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.rank import rank
 from mechsim.simulation.custom_model import from_file
 from mechsim.simulation.equality_rows import coincident_frames
-from mechsim.simulation.findings.inspected import Inspected, Loop, loop_rank, null_space
+from mechsim.simulation.findings.inspected import RANK_TOLERANCE, Inspected, Loop, loop_rank, null_space
 from mechsim.simulation.mjcf_reader.equality_constraints import CONNECT, WELD
 from mechsim.simulation.mjcf_reader.fixed_bodies import free_bodies
 from mechsim.simulation.mobility import residual_mobility
@@ -59,13 +60,14 @@ def duplicate_loops(scene: Inspected) -> Iterator[Finding]:
     rows = {loop.number: jacobian[loop_of == loop.number] for loop in scene.loops}
     # MuJoCo omits the rows of bodies that cannot move
     loops = [loop for loop in scene.loops if len(rows[loop.number])]
+    anchors = np.array([_anchor(scene, loop) for loop in loops]).reshape(-1, 3)
     reported: set[int] = set()
     for i, loop in enumerate(loops):
-        for other in loops[:i]:
+        near = np.linalg.norm(anchors[:i] - anchors[i], axis=1) <= MAX_GAP * scene.length
+        for other in (loops[k] for k in np.flatnonzero(near)):
             alone, both = loop_rank(rows[other.number]), np.vstack([rows[other.number], rows[loop.number]])
-            distance = np.linalg.norm(_anchor(scene, loop) - _anchor(scene, other))
-            coincident = loop.closes == other.closes and distance <= MAX_GAP * scene.length
-            if not (alone and coincident) or other.number in reported or loop_rank(both) != alone:
+            coincident = loop.closes == other.closes and other.number not in reported
+            if not (alone and coincident) or loop_rank(both) != alone:
                 continue
             reported.add(loop.number)
             count, repeats = len(rows[loop.number]), f"{loop.name} repeats {other.name}"
@@ -95,7 +97,14 @@ def redundant_constraints(scene: Inspected) -> Iterator[Finding]:
     # constraint rows of a planar loop depend on each other
     loop_rows = [jacobian[loop_of == loop.number] for loop in kept]
     across = sum(len(rows) - loop_rank(rows) for rows in loop_rows)
-    redundant = [loop for loop in kept if _adds_nothing(scene, loop, kept)]
+    # a loop adds no rank if all combinations of its rows are those of other rows: then as many of them are
+    # independent in the combinations of rows that vanish
+    vanishing = null_space(jacobian.T)
+    redundant = [
+        loop
+        for loop, rows in zip(kept, loop_rows, strict=True)
+        if rank(vanishing[:, loop_of == loop.number], RANK_TOLERANCE, RANK_TOLERANCE) == len(rows)
+    ]
     names = ", ".join(loop.name for loop in redundant)
     flat = all(loop.kind == CONNECT or _joins_points(scene, loop) for loop in kept if loop.closes)
     ranks = f"{len(jacobian)} constraint equations of the loops have rank {len(jacobian) - extra}:"
@@ -128,13 +137,6 @@ def _constrains(scene: Inspected, loop_of: Array) -> NDArray[np.bool_]:
 def _joins_points(scene: Inspected, loop: Loop) -> bool:
     """Return whether a loop is a weld that, with torquescale 0, joins points as a connect does."""
     return loop.kind == WELD and scene.model.eq_data[loop.number, 10] == 0.0
-
-
-def _adds_nothing(scene: Inspected, loop: Loop, loops: list[Loop]) -> bool:
-    """Return whether a loop adds no rank to the other loops."""
-    jacobian, loop_of = scene.generic
-    rows = np.isin(loop_of, [each.number for each in loops])
-    return loop_rank(jacobian[rows & (loop_of != loop.number)]) == loop_rank(jacobian[rows])
 
 
 # component of a unit free direction above which a joint moves

@@ -15,7 +15,7 @@ import mujoco
 import numpy as np
 
 from mechsim.numerics.arrays import Array
-from mechsim.simulation.findings.inspected import EQUALITY, RANK_TOLERANCE, Inspected, Swing
+from mechsim.simulation.findings.inspected import EQUALITY, RANK_TOLERANCE, Inspected, Swing, null_space
 from mechsim.simulation.mjcf_reader.coordinates import actuated_joints, actuator_count
 from mechsim.simulation.state import data_at, dense_rows, is_disabled, mass_matrix
 
@@ -70,6 +70,7 @@ def gaps_in(scene: Inspected, motion: Swing) -> dict[int, float]:
     """Return the largest gap of each loop over a motion: loop number -> [m] or [rad]."""
     model, data, widest = scene.loops_only, scene.loop_data, dict[int, float]()
     inputs = drive_directions(scene)
+    free = null_space(inputs) if len(inputs) else np.eye(model.nv)
     implicit_damping = damping(model, moment_arms(scene, scene.read.qpos)) * float(model.opt.timestep)
     for qpos, qvel, qacc in zip(motion.qpos, motion.qvel, motion.qacc, strict=True):
         data.qpos[:], data.qvel[:] = qpos, qvel
@@ -79,7 +80,7 @@ def gaps_in(scene: Inspected, motion: Swing) -> dict[int, float]:
         commanded = qacc + np.linalg.solve(mass_matrix(data), implicit_damping @ qacc)
         rows = data.efc_type == EQUALITY
         jacobian = dense_rows(data)[rows]
-        force = loop_forces(scene, data, commanded, inputs)
+        force = loop_forces(data, commanded, free)
         widest |= _gaps(scene, data, force, jacobian @ (commanded - qacc), widest)
     return widest
 
@@ -110,21 +111,20 @@ def moment_arms(scene: Inspected, qpos: Array) -> Array:
     return dense
 
 
-def loop_forces(scene: Inspected, data: mujoco.MjData, qacc: Array, inputs: Array) -> Array:
+def loop_forces(data: mujoco.MjData, qacc: Array, free: Array) -> Array:
     """Return the forces in the constraint rows of the loops for a motion, (m,), at the state in `data`.
 
-    The forces along `inputs` (k, nv), which move the drivers, are unrestricted. Redundant rows share a force
-    such that the sum of the regularisation times the squared force is smallest.
+    The forces balance along directions `free` (k, nv), across which those of the drivers are unrestricted.
+    Redundant rows share a force such that the sum of the regularisation times the squared force is smallest.
     """
-    model = scene.loops_only
     needed = mass_matrix(data) @ qacc + data.qfrc_bias - data.qfrc_passive - data.qfrc_applied
     rows, jacobian = data.efc_type == EQUALITY, dense_rows(data)
     needed -= jacobian.T @ _friction(data, jacobian, qacc)
     jacobian = jacobian[rows]
-    compliance = np.sqrt(data.efc_R[rows])
-    rest = np.linalg.svd(inputs)[2][len(inputs) :] if len(inputs) else np.eye(model.nv)
-    shared = rest @ jacobian.T / compliance
-    return (np.linalg.pinv(shared, rcond=RANK_TOLERANCE) @ (rest @ needed)) / compliance
+    force, compliance, acting = np.zeros(len(jacobian)), np.sqrt(data.efc_R[rows]), jacobian.any(1)
+    shared = free @ jacobian[acting].T / compliance[acting]
+    force[acting] = np.linalg.lstsq(shared, free @ needed, rcond=RANK_TOLERANCE)[0] / compliance[acting]
+    return force
 
 
 def _friction(data: mujoco.MjData, jacobian: Array, qacc: Array) -> Array:
@@ -149,20 +149,30 @@ def _gaps(
     """
     model, rows = scene.loops_only, data.efc_type == EQUALITY
     stiffness, _, now, _ = data.efc_KBIP.reshape(-1, 4)[rows].T
-    # the gap at the impedance d is free_gap (1 - d) / d^2 + deficit / d
+    numbers, first, member = np.unique(data.efc_id[rows], return_index=True, return_inverse=True)
+    solimps = model.eq_solimp[numbers]
+    if overridden(model):
+        solimps[:] = model.opt.o_solimp
+    # impedance rises with the gap, so that the gap with the impedance at zero is an upper bound
+    low, high = np.clip(solimps[:, :2], 1e-4, MAX_IMPEDANCE).T
+    d = np.where(solimps[:, 2] <= 1e-15, 0.5 * (low + high), low)[member]
+    # the gap at the impedance d is free_gap (1 - d) / d^2 + withheld / d
     with np.errstate(over="ignore", invalid="ignore"):
         free_gap = force * data.efc_R[rows] * now / (1.0 - now) / stiffness
+        withheld = deficit / stiffness
+        terms = np.abs(free_gap * (1.0 - d) / d**2 + withheld / d)
+    # forces beyond the largest number open a gap without limit
+    terms[~np.isfinite(terms)] = math.inf
+    # the first three rows of a weld are its position
+    own = np.arange(len(member)) - first[member] < 3
+    upper = np.hypot.reduceat(np.where(own, terms, 0.0), first).tolist()
     gaps: dict[int, float] = {}
-    for loop in np.unique(data.efc_id[rows]):
-        # the first three rows of a weld are its position
-        own = np.flatnonzero(data.efc_id[rows] == loop)[:3]
-        solimp = model.opt.o_solimp if overridden(model) else model.eq_solimp[loop]
-        floor = least.get(int(loop), 0.0)
-        withheld = deficit[own] / stiffness[own]
-        # forces beyond the largest number open a gap without limit
-        finite = np.isfinite(free_gap[own]).all() and np.isfinite(withheld).all()
-        gap = _equilibrium_gap(free_gap[own], withheld, solimp, floor) if finite else math.inf
-        gaps[int(loop)] = max(gap, floor)
+    for i, (number, solimp) in enumerate(zip(numbers.tolist(), solimps, strict=True)):
+        gap, floor = upper[i], least.get(number, 0.0)
+        if floor < gap < math.inf and solimp[0] != solimp[1]:
+            each = own & (member == i)
+            gap = _equilibrium_gap(free_gap[each], withheld[each], solimp, gap)
+        gaps[number] = max(gap, floor)
     return gaps
 
 
@@ -171,21 +181,15 @@ def overridden(model: mujoco.MjModel) -> bool:
     return bool(model.opt.enableflags & int(mujoco.mjtEnableBit.mjENBL_OVERRIDE))
 
 
-def _equilibrium_gap(free_gap: Array, deficit: Array, solimp: Array, least: float) -> float:
-    """Return the gap that is consistent with its impedance; an upper bound if that is at most `least`."""
-
-    def gap_at(gap: float) -> float:
-        d = impedance(solimp, gap)
-        # forces of absurd files have squares beyond the largest number
-        return math.hypot(*(free_gap * (1.0 - d) / d**2 + deficit / d))
-
-    # impedance rises with the gap, so that the gap at zero is an upper bound
-    low, high = 0.0, gap_at(0.0)
-    if high <= least or solimp[0] == solimp[1]:
-        return high
+def _equilibrium_gap(free_gap: Array, withheld: Array, solimp: Array, high: float) -> float:
+    """Return the gap below an upper bound that is consistent with its impedance."""
+    low = 0.0
     for _ in range(BISECTIONS):
         middle = 0.5 * (low + high)
-        low, high = (middle, high) if gap_at(middle) > middle else (low, middle)
+        d = impedance(solimp, middle)
+        # forces of absurd files have squares beyond the largest number
+        wider = math.hypot(*(free_gap * (1.0 - d) / d**2 + withheld / d)) > middle
+        low, high = (middle, high) if wider else (low, middle)
     return high
 
 

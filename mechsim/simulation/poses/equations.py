@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,6 +10,9 @@ from numpy.typing import NDArray
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.state import BALL, FREE, SCALAR, cross_matrices, quaternion_addresses
+
+if TYPE_CHECKING:
+    from mechsim.numerics.banded import SparseMatrices
 
 # displacement, in [rad] or characteristic lengths, of the pose at which DOFs without effect on the equations
 # are detected; not a round number, so that no effect vanishes in that pose alone
@@ -86,9 +90,13 @@ class ModelEquations:
         scale = self.closure.scale
         return (residual * scale).T, (jacobian * scale[:, None] * self.units).transpose(1, 2, 0), None
 
-    @property
-    def sparse(self) -> None:
-        """A model has whole Jacobians only."""
+    def sparse(self, q: ModelStates) -> "tuple[Array, SparseMatrices, None]":
+        """Return residuals and Jacobians as `linearise`."""
+        from mechsim.numerics.banded import SparseMatrices
+
+        residual, jacobian, _ = self.linearise(q)
+        entries = jacobian[self.closure.entries]
+        return residual, SparseMatrices(*self.closure.entries, entries, jacobian.shape[:2]), None
 
     def displaced(self, q: ModelStates, step: Array) -> ModelStates:
         """Return states displaced by a step (nv, n) in the units of the DOFs."""

@@ -56,8 +56,6 @@ def _shifted(loops: ModelLoops, state: Array, revolutions: int) -> Array | None:
     return shifted if residual_change.max() < ROUNDING else None
 
 
-# number of poses closed at once: their arrays fit into the cache, and a long run needs little memory
-CHUNK = 2048
 # correction of an interpolated pose, in [rad] or [m], above which it may be in another assembly
 MAX_CORRECTION = 1e-3
 # motion of a driver in a pulse that polynomials omit, in [rad] or characteristic lengths, above which the
@@ -103,9 +101,9 @@ class PosePath(ContinuationPath[ModelEquations, ModelStates]):
         reduced = angles - revolutions * REVOLUTION
         states = np.empty((len(angles), closure.model.nq))
         for _, index, rows in self.chunks(reduced):
-            for first in range(0, len(index), CHUNK):
-                chunk = index[first : first + CHUNK]
-                guess = self.unflat(rows[first : first + CHUNK], reduced[chunk]).qpos
+            for first in range(0, len(index), closure.chunk):
+                chunk = index[first : first + closure.chunk]
+                guess = self.unflat(rows[first : first + closure.chunk], reduced[chunk]).qpos
                 if self.gain is not None:
                     guess += revolutions[chunk, None] * self.gain
                 guess[:, closure.crank_address] = angles[chunk]
