@@ -96,8 +96,8 @@ class PosedBodies:
         axes, centres = sims.bind("cdof")[:, dofs], sims.bind("subtree_com")
         angular, arms = axes[..., :3], points - centres[:, model.body_rootid[bodies]]
         ahead, behind = [1, 2, 0], [2, 0, 1]
-        turned = angular[..., ahead] * arms[..., behind] - angular[..., behind] * arms[..., ahead]
-        return axes[..., 3:] + turned, angular
+        rotated_arms = angular[..., ahead] * arms[..., behind] - angular[..., behind] * arms[..., ahead]
+        return axes[..., 3:] + rotated_arms, angular
 
     def body_poses(self, qpos: Array) -> tuple[Array, Array]:
         """Return positions and rotations of all bodies at n states, (n, nbody, 3) and (n, nbody, 3, 3)."""

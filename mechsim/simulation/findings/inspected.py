@@ -329,9 +329,9 @@ def _moved(scene: Inspected, laws: MotionLaws, description: str, *, returns: boo
     angle, speed, _ = parameter_profile(laws).state(time)
     # the second half of a swing is the first one, reversed
     states = follow(closed.loops, closed.qpos, angle[: SAMPLES // 2 + 1] if returns else angle)
-    parts = np.split(states, range(closed.loops.chunk, len(states), closed.loops.chunk))
+    chunks = np.split(states, range(closed.loops.chunk, len(states), closed.loops.chunk))
     rates = np.concatenate(
-        [loop_jacobian.tangent(closed.loops, closed.loops.linearise(part)[1]) for part in parts]
+        [loop_jacobian.tangent(closed.loops, closed.loops.linearise(chunk)[1]) for chunk in chunks]
     )
     if returns:
         states, rates = (np.concatenate([each, each[-2::-1]]) for each in (states, rates))

@@ -63,8 +63,8 @@ def duplicate_loops(scene: Inspected) -> Iterator[Finding]:
     anchors = np.array([_anchor(scene, loop) for loop in loops]).reshape(-1, 3)
     reported: set[int] = set()
     for i, loop in enumerate(loops):
-        near = np.linalg.norm(anchors[:i] - anchors[i], axis=1) <= MAX_GAP * scene.length
-        for other in (loops[k] for k in np.flatnonzero(near)):
+        close = np.linalg.norm(anchors[:i] - anchors[i], axis=1) <= MAX_GAP * scene.length
+        for other in (loops[k] for k in np.flatnonzero(close)):
             alone, both = loop_rank(rows[other.number]), np.vstack([rows[other.number], rows[loop.number]])
             coincident = loop.closes == other.closes and other.number not in reported
             if not (alone and coincident) or loop_rank(both) != alone:
