@@ -1,13 +1,19 @@
-"""Models in `tests/models/`: their texts, and the mechanisms that they describe."""
+"""Models in `tests/models/`: their texts, changed copies, and the mechanisms that they describe."""
 
+import itertools
+import tempfile
 from pathlib import Path
 from string import Template
 
 import mechsim as ms
+from mechsim.io import gallery
 from mechsim.io.model_source import Prescription
 from mechsim.io.toml_reader import TomlModel
+from mechsim.io.toml_writer import to_toml
 
 FOLDER = Path(__file__).parent / "models"
+COPIES = tempfile.TemporaryDirectory(prefix="mechsim-tests-")
+NUMBERS = itertools.count()
 
 
 def model_text(name: str, **values: object) -> str:
@@ -24,6 +30,39 @@ def changed_text(source: str | list[str]) -> str:
         assert old in text, f"{old} is not in {first}"
         text = text.replace(old, new)
     return text
+
+
+def catalog_text(name: str, **values: float) -> str:
+    """Return the description of a mechanism of the catalogue, with its parameters, or of the gallery."""
+    if name in ms.catalog.MECHANISMS:
+        return to_toml(ms.catalog.make(name, **values))
+    return (gallery.files() | gallery.machines())[name].read_text().split("[formula]")[0]
+
+
+def copied(text: str, suffix: str = ".toml") -> str:
+    """Return the path of a file with a text."""
+    path = Path(COPIES.name) / f"model{next(NUMBERS)}{suffix}"
+    path.write_text(text, "utf-8")
+    return str(path)
+
+
+def changed_model(name: str, *changes: tuple[str, str], more: str = "", **values: object) -> str:
+    """Return the path of a copy of a model with replaced texts and more text at its end.
+
+    A model is a file of `tests/models/`, or a name of the catalogue or the gallery.
+    """
+    suffix = Path(name).suffix
+    text = model_text(name, **values) if suffix else catalog_text(name, **values)
+    text += f"\n{more}" if more else ""
+    for old, new in changes:
+        assert old in text, old
+        text = text.replace(old, new, 1)
+    return copied(text, suffix or ".toml")
+
+
+def load_model(name: str, *changes: tuple[str, str], more: str = "", still: bool = False, **values: object):
+    """Return the solver of a changed model; `still` needs no motion laws."""
+    return ms.load(changed_model(name, *changes, more=more, **values), still=still)
 
 
 def model_mechanism(name: str) -> ms.Mechanism:

@@ -140,7 +140,7 @@ MAX_DECAYS = 1e3
 MAX_DECAYS_IN_C = 3e2
 # the same above which the motion is not computed, since the decay multiplies the rounding of the rates: the
 # energy lost by a creeping rod is correct to 1e-5 at 1e11, and wrong at 1e12
-# (tests/kinetics/test_stiff_runs.py)
+# (tests/kinetics/cases.toml)
 MAX_STIFFNESS = 1.5e11
 # rate relative to that of Stribeck's curve up to which friction differs from that in motion: by 2e-16 of it.
 # A step within this range changes the rate by that of the curve, one towards it by half of the way

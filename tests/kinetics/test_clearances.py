@@ -8,7 +8,6 @@ from model_files import model_text
 from scipy.integrate import solve_ivp
 
 import mechsim as ms
-from mechsim.io.toml_writer import to_toml
 from mechsim.kinetics import dynamic_model
 from mechsim.kinetics.dynamic_run import initial_values
 from mechsim.kinetics.gaps import released
@@ -307,16 +306,6 @@ def test_a_small_clearance_approaches_the_ideal_joint():
 def test_a_stiffness_by_hertz_is_that_of_lankarani_and_nikravesh():
     # P. Flores, Nonlinear Dynamics 61 (2010): bearing of 10 mm, clearance 0.5 mm, steel
     assert hertz_stiffness(10e-3, 9.5e-3, 207e9, 0.3) == pytest.approx(6.61e10, rel=1e-3)
-
-
-def test_a_pin_outside_its_hole_and_the_sentence_on_where_it_is_free(tmp_path, mechsim):
-    (tmp_path / "model.toml").write_text(TEXT)
-    path = str(tmp_path / "model.toml")
-    with pytest.raises(ms.InputError, match=r"0.0001 m beyond its clearance of 0.0005 m; give C.x and C.y"):
-        ms.dynamics.run(path, initial={"C.x": 6e-4}, duration=0.01)
-    assert "restitution = 0.9" in to_toml(ms.load(path, still=True))
-    answer = mechsim("dynamics", "statics", path)
-    assert "at its centre elsewhere" in answer.out + answer.err
 
 
 @pytest.mark.long

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from model_files import model_text, stated_mechanism
+from model_files import model_text
 from scipy.integrate import solve_ivp
 
 import mechsim as ms
@@ -305,14 +305,6 @@ def test_what_c_does_not_contain_runs_in_numpy_with_a_note():
     run = run_of(Forces(crank_torque=function(lambda time: 1e-3 * time, over="time")))
     assert run.executed == "numpy"
     assert "a load over time given by a function" in run.note
-
-
-def test_a_body_on_a_rod_swings_with_the_period_of_a_pendulum():
-    """A point mass on a rod of 1 m, released horizontally, has the period 4 K(1/2) sqrt(l / g)."""
-    pendulum = stated_mechanism("compiled_dynamics_bob.toml")
-    run = ms.dynamics.run(pendulum, duration=2.367841947576237, samples=1)
-    assert (run.executed, run.note) == ("C", "")
-    assert np.abs(run.motion.points["P"].position[-1] - [1.0, 0.0, 0.0]).max() < 1e-12
 
 
 @pytest.mark.long

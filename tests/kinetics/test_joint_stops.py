@@ -2,7 +2,6 @@
 
 import itertools
 import tomllib
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,7 +10,7 @@ from scipy.optimize import minimize
 
 import mechsim as ms
 from mechsim.kinematics.solvers import KinematicSolver
-from mechsim.mechanism.forces import Forces, Friction
+from mechsim.mechanism.forces import Forces
 
 CHAINS = tomllib.loads(model_text("joint_stops_chains.toml"))["chain"]
 WEIGHT = Forces(gravity=(0.0, -9.81, 0.0))
@@ -98,17 +97,6 @@ def test_chains_agree_with_an_independent_integration(file, number):
     assert run.energy_error <= 1e-8
 
 
-@pytest.mark.parametrize("restitution", [0.0, 0.5, 1.0])
-def test_a_start_on_a_stop_with_a_rate_into_it_is_an_impact(restitution):
-    run = ms.dynamics.run(
-        pendulum(0.0, 3.0), Forces(), initial={"j.v": -2.0}, duration=0.1, restitution=restitution
-    )
-    assert run.motion.joints["j"].rate[-1] == pytest.approx(2.0 * restitution, abs=1e-12)
-    assert run.motion.joints["j"].value.min() >= -1e-12
-    # half of 0.02 + 0.3**2 kg m2 times 4 rad2/s2
-    assert run.lost[-1] == pytest.approx(0.22 * (1.0 - restitution**2), abs=1e-12)
-
-
 def test_a_stop_between_two_instants_of_a_step_is_found():
     """The swing passes its stop by 1e-9 rad to 1e-3 rad for less than a step."""
     swing = ms.dynamics.run(pendulum(-10.0, 10.0), WEIGHT, duration=2.0, samples=20_000)
@@ -117,45 +105,6 @@ def test_a_stop_between_two_instants_of_a_step_is_found():
         run = ms.dynamics.run(pendulum(deepest + depth, 10.0), WEIGHT, duration=2.0, restitution=1.0)
         assert run.events
         assert run.motion.joints["j"].value.min() >= deepest + depth - 1e-12
-
-
-def test_both_stops_of_a_joint_next_to_each_other_end_its_motion():
-    run = ms.dynamics.run(pendulum(0.0, 1e-6), Forces(), initial={"j.v": 1.0}, duration=0.1, restitution=0.5)
-    assert run.motion.joints["j"].value.max() <= 1e-6 + 1e-12
-    assert run.lost[-1] == pytest.approx(0.055, rel=1e-9)
-
-
-def test_a_run_ends_at_its_work_budget():
-    run = ms.dynamics.run(
-        pendulum(0.0, 1e-6), Forces(), initial={"j.v": 1.0}, duration=0.1, restitution=1.0, budget=1000
-    )
-    assert run.outcome == "work budget spent"
-    assert "1,000 states" in run.reason
-    assert 0.0 < run.time[-1] < 0.1
-
-
-@pytest.mark.parametrize(("friction", "moves"), [(1.0, True), (4.0, False)])
-def test_friction_of_a_joint_at_its_stop(friction, moves):
-    """The weight of 2.943 N m lifts the joint off its upper stop, or friction holds it there."""
-    forces = replace(WEIGHT, friction=(Friction("j", coulomb=friction),))
-    run = ms.dynamics.run(pendulum(-0.5, 0.0), forces, duration=1.0)
-    assert run.outcome == "stopped"
-    assert run.motion.joints["j"].value[-1] == pytest.approx(-0.5 if moves else 0.0, abs=1e-12)
-    # at the lower stop the weight's energy is lost to friction and the impact
-    expected = 9.81 * 0.3 * np.sin(0.5) if moves else 0.0
-    assert run.lost[-1] == pytest.approx(expected, rel=1e-9, abs=1e-12)
-
-
-def test_a_motion_law_that_drives_a_joint_beyond_its_stop_fails(file):
-    path = file("""<mujoco><compiler angle="radian"/><worldbody><body><joint name="j" range="-1 0.3"/>
-        <geom type="capsule" fromto="0 0 0 0.6 0 0" size="0.02"/><site name="P" pos="0.6 0 0"/>
-        </body></worldbody></mujoco>""")
-    model = ms.load(path, drive={"j": "0.5rad*sin(2*pi*t)"}, duration="0.05s")
-    run = ms.dynamics.run(model, prescribed=["j"], duration="0.5s")
-    assert run.outcome == "failed"
-    assert "prescribed motion drives j beyond a stop" in run.reason
-    # 0.5 sin(2 pi t) = 0.3
-    assert run.time[-1] == pytest.approx(np.arcsin(0.6) / (2.0 * np.pi), abs=1e-9)
 
 
 def test_a_joint_at_which_a_loop_is_cut_is_not_left_beyond_its_range():
@@ -175,17 +124,6 @@ def test_a_joint_at_which_a_loop_is_cut_is_not_left_beyond_its_range():
         assert beyond > 0.0
         values = run.motion.joints[name].value
         assert run.outcome == "failed" or max(low - values.min(), values.max() - high) <= 1e-9
-
-
-COUPLED_FINGERS = model_text("joint_stops_coupled_fingers.xml")
-
-
-@pytest.mark.parametrize("limits", ["0 40", "-40 0"])
-def test_friction_holds_coupled_joints_at_their_stops(limits, tmp_path):
-    (path := tmp_path / "fingers.xml").write_text(COUPLED_FINGERS.format(range=limits))
-    run = ms.dynamics.run(ms.load(str(path), still=True), duration=0.1)
-    assert run.outcome == "stopped"
-    assert np.abs(run.motion.joints["q"].value).max() <= 1e-15
 
 
 @pytest.mark.parametrize(

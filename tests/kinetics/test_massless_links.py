@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from model_files import stated_mechanism
 
 import mechsim as ms
 from mechsim.simulation.dynamics.prescribed_motion import driven
@@ -99,10 +98,3 @@ def test_mujoco_has_negligible_masses_in_place_of_zeros():
     assert links[0].inertia.mass == MASS
     assert links[1].inertia.mass < 1e-5 * MASS
     assert links[2].inertia.moments[2][2] == MOMENT
-
-
-def test_a_driver_moves_a_link_without_mass():
-    arm = stated_mechanism("massless_links_arm.toml")
-    solver = ms.load(arm, drive={"crank": "2rad/s"}, duration=0.5)
-    run = ms.dynamics.run(solver, prescribed=["crank"], duration=0.5)
-    assert run.motion.joints["crank"].value[-1] == pytest.approx(1.0, abs=1e-12)

@@ -62,22 +62,3 @@ def test_mujoco_agrees_on_the_driving_torque_and_rejects_a_wrong_one(path, law):
     assert not crosscheck_forward(wrong, driven_model, start).passed
     points_only = replace(run, motion=replace(run.motion, points={"P": run.motion.points["P"]}))
     assert crosscheck_forward(points_only, driven_model, start).passed
-
-
-@pytest.mark.long
-def test_a_five_bar_with_one_prescribed_and_one_free_motor_agrees():
-    linkage = ms.dynamics.dynamic_model(ms.load("five_bar", drive={"left": "2rad+0.3rad*sin(2*pi*t)"}))
-    run = ms.dynamics.run(linkage, initial={"right.v": 1.0}, prescribed=["left"], duration=0.05, samples=10)
-    assert run.motion.joints["left"].value == pytest.approx(
-        2.0 + 0.3 * np.sin(2 * np.pi * run.time), abs=1e-12
-    )
-    assert run.energy_error < 1e-10
-    verdict = crosscheck_forward(run, linkage, initial_values(linkage, {"right.v": 1.0}))
-    assert verdict.passed, verdict
-
-
-def test_a_contradicting_motion_law_is_rejected(path):
-    with pytest.raises(ms.InputError, match="'hoop' follows its motion law"):
-        ms.dynamics.run(model(path, "60rpm"), initial={"hoop.q": 1.0}, prescribed=["hoop"], duration=1.0)
-    with pytest.raises(ms.InputError, match="'bead' has no motion law"):
-        ms.dynamics.run(model(path, "60rpm"), prescribed=["bead"], duration=1.0)
