@@ -18,7 +18,7 @@ def select(value: Any, path: str) -> Any:
     if isinstance(value, np.ndarray):
         value = value.tolist()
     if not path:
-        return value
+        return [select(item, "") for item in value] if isinstance(value, list | tuple) else value
     if isinstance(value, dict):
         # a key may contain dots
         for key in sorted(map(str, value), key=len, reverse=True):

@@ -2,6 +2,7 @@
 
 import itertools
 import tempfile
+from collections import defaultdict
 from pathlib import Path
 from string import Template
 
@@ -22,8 +23,14 @@ def model_text(name: str, **values: object) -> str:
     return Template(text).substitute(values) if values else text
 
 
-def changed_text(source: str | list[str]) -> str:
-    """Return a text or that of the file `models/NAME`; pairs of old and new texts may follow."""
+def changed_text(source: str | list[str] | dict[str, str]) -> str:
+    """Return a text, or that of the file `models/NAME`, changed.
+
+    In a list, pairs of old and new texts follow the file. In a table, other keys are the `{fields}` of
+    its `file`, empty by default.
+    """
+    if isinstance(source, dict):
+        return model_text(source["file"].removeprefix("models/")).format_map(defaultdict(str, source))
     first, *changes = [source] if isinstance(source, str) else source
     text = model_text(first.removeprefix("models/")) if first.startswith("models/") else first
     for old, new in zip(changes[::2], changes[1::2], strict=True):

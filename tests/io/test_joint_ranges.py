@@ -6,7 +6,6 @@ from model_files import model_text
 
 import mechsim as ms
 from mechsim.io.driver_positions import poses_of_table
-from mechsim.report.facts import facts
 
 ARM = model_text("joint_ranges_arm.xml")
 
@@ -65,32 +64,6 @@ def parallelogram(tmp_path, joint, low, high, **options):
     limited = f'name="{joint}" axis="0 0 1" limited="true" range="{low} {high}"'
     path.write_text(FOUR_BAR.replace(f'name="{joint}" axis="0 0 1"', limited))
     return ms.load(str(path), key="up", **options)
-
-
-@pytest.mark.parametrize("joint", ["crank", "rocker"])
-def test_the_crank_range_ends_at_the_limit_of_any_joint(tmp_path, joint):
-    solver = parallelogram(tmp_path, joint, 0.1, 0.85)
-    arcs = solver.crank_range()
-    assert not arcs.full
-    # beyond 0 and pi lie change points of the parallelogram
-    np.testing.assert_allclose(arcs.arcs, [(0.1, 0.85)], atol=1e-9)
-    assert solver.dead_centres() == ()
-    assert solver.change_points() == ()
-    reported = facts(solver)
-    np.testing.assert_allclose(reported["crank_range"], [0.1, 0.85], atol=1e-9)
-    assert reported["change_points"] == []
-
-
-def test_a_range_that_is_never_reached_allows_a_full_revolution(tmp_path):
-    solver = parallelogram(tmp_path, "rocker", -10.0, 10.0)
-    assert solver.crank_range().full
-    assert len(solver.change_points()) == 2
-
-
-def test_a_range_that_contains_a_change_point_keeps_it(tmp_path):
-    solver = parallelogram(tmp_path, "crank", -0.3, 0.85)
-    np.testing.assert_allclose(solver.crank_range().arcs, [(-0.3, 0.85)], atol=1e-9)
-    np.testing.assert_allclose(solver.change_points(), [0.0], atol=1e-9)
 
 
 SAMPLED_ROUTES = {

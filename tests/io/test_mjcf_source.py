@@ -156,12 +156,6 @@ def test_commands_report_corrections_on_stderr(file, mechsim):
     assert answer.err.startswith("welded: the initial loop-closure error of the file is")
 
 
-def test_a_wheel_at_the_origin_has_a_characteristic_length(file):
-    body = '<body><joint name="crank"/><geom size="0.1" pos="0.2 0 0"/></body>'
-    text = f"<mujoco><worldbody>{body}</worldbody></mujoco>"
-    assert read_mjcf(file(text)).mechanism.characteristic_length > 0.0
-
-
 def test_a_model_without_a_driver_lists_its_joints(file):
     text = five_bar().replace('<motor joint="left"/><position joint="right"/>', "")
     with pytest.raises(

@@ -130,22 +130,3 @@ def test_a_table_is_interpolated_smoothly_and_has_a_duration(tmp_path):
     np.testing.assert_allclose(value, np.sin(3 * TIMES), atol=1e-7)
     np.testing.assert_allclose(rate, 3 * np.cos(3 * TIMES), atol=1e-5)
     np.testing.assert_allclose(second, -9 * np.sin(3 * TIMES), atol=1e-3)
-
-
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        ("a,b\n1,2\n", "give two, t in s and its value"),
-        ("t\n1\n", "give two, t in s and its value"),
-        ("t,left,right\n0,0,0\n", "or one called arm"),
-        ("t,arm\n" + "".join(f"{i},{i}\n" for i in range(5)), "at least 6 rows"),
-        ("t,arm\n" + "".join(f"{5 - i},{i}\n" for i in range(7)), "do not increase"),
-        ("t,arm\n" + "".join(f"{i + 1},{i}\n" for i in range(7)), "from 0 s"),
-        ("t,arm\n" + "".join(f"{i},nan\n" for i in range(7)), "not finite"),
-        ("t,arm\n0,x\n", "is no number"),
-    ],
-)
-def test_an_invalid_table_of_a_motion_law_is_rejected_in_one_line(tmp_path, text, words):
-    with pytest.raises(InputError, match=words) as error:
-        made(table(tmp_path, text))
-    assert "\n" not in str(error.value)

@@ -2,12 +2,10 @@
 
 import tomllib
 
-import numpy as np
 import pytest
 from model_files import model_text
 
 from mechsim.io.parameter_units import parameter_units
-from mechsim.io.readers import load
 
 FILE = model_text("parameter_units_file.toml")
 
@@ -19,32 +17,6 @@ def test_lengths_angles_and_plain_numbers_are_distinguished():
     # half is a term of no length: it enters roots and products only
     assert lengths == {"crank", "rod", "reach", "span"}
     assert angles == {"bend", "tilt"}
-
-
-@pytest.mark.parametrize(
-    ("name", "text", "value"),
-    [
-        ("crank", "0.035m", 35.0),
-        ("crank", 0.035, 35.0),
-        ("crank", "35 mm", 35.0),
-        ("crank", "half*0 + 35", None),
-        ("bend", "0.5rad", np.rad2deg(0.5)),
-        ("bend", 0.5, np.rad2deg(0.5)),
-        ("ratio", "4", 4.0),
-        ("teeth", "20", 20.0),
-        ("unused", "20", 20.0),
-        ("span", "0.04m", 40.0),
-        ("span", 0.04, 40.0),
-        ("reach", 0.1, 100.0),
-    ],
-)
-def test_parameters_have_a_unit_or_are_in_si(file, name, text, value):
-    path = file(FILE)
-    if value is None:
-        with pytest.raises(Exception, match="defined before"):
-            load(path, {name: text})
-        return
-    assert load(path, {name: text}).parameters[name] == pytest.approx(value, rel=1e-15)
 
 
 @pytest.mark.parametrize("document", [{}, {"parameters": 3}, {"parameters": {"a": [1]}, "joints": 4}])

@@ -20,16 +20,6 @@ FORMATS = ("sdf", "usda")
 NOT_LINEAR = {"cam_follower", "geneva_drive", "hoist"}
 NAMES = [name for name in (*catalog.MECHANISMS, *gallery.files()) if name not in NOT_LINEAR]
 
-# a pendulum of two links, hinged at 0.5 m and 0.3 m: frames, angles in degrees and a rotated axis
-ARM = model_text("sdf_and_usd_arm.sdf")
-
-
-@pytest.fixture
-def arm(tmp_path):
-    path = tmp_path / "arm.sdf"
-    path.write_text(ARM)
-    return path
-
 
 def mobility(solver):
     poses = start_poses(solver.mechanism)[0]
@@ -107,41 +97,6 @@ def test_friction_springs_limits_and_gravity_return(format, coulomb, tmp_path):
     assert torques[1] == pytest.approx(torques[0], abs=1e-12)
 
 
-def test_frames_degrees_axes_limits_and_mimics_of_others_are_read(arm):
-    arm.write_text(re.sub("<mimic.*?</mimic>", "", ARM))
-    solver = load(arm, still=True)
-    mechanism = solver.mechanism
-    # the model stands at x = 1; the forearm is rotated by 90 deg about x
-    assert mechanism.guess["fore"].position == pytest.approx([1.3, 0.0, 0.5], abs=1e-15)
-    assert mechanism.guess["fore"].rotation @ [0, 1, 0] == pytest.approx([0.0, 0.0, 1.0], abs=1e-15)
-    assert mechanism.points["hinge"] == ("upper", pytest.approx((0.3, 0.0, 0.0)))
-    inertia = mechanism.links[0].inertia
-    # the inertial frame is rotated by 90 deg about z
-    assert np.diag(inertia.matrix) == pytest.approx([0.02, 0.01, 0.025], abs=1e-15)
-    assert (inertia.mass, inertia.centre) == (2.0, (0.1, 0.0, 0.0))
-    assert solver.ranges["shoulder"] == (-1.0, 2.0)
-    (friction,) = solver.forces.friction
-    (spring,) = solver.forces.joint_springs
-    assert (friction.viscous, friction.coulomb, spring.stiffness, spring.rest) == (0.3, 0.1, 5.0, 0.2)
-    assert solver.forces.gravity == (0.0, 0.0, -9.8)
-    assert solver.facts == ("not read: link/visual",)
-    arm.write_text(ARM)
-    moved = load(arm, drive={"shoulder": "0.4+0.5*t"}, duration=1.0).solve(t=[0.0, 1.0])
-    assert moved.joints["elbow"].value == pytest.approx([0.1, -0.9], abs=1e-12)
-    # the axis y carries the hinge down for a positive angle
-    assert moved.points["hinge"].position[1] == pytest.approx(
-        [1.0 + 0.3 * np.cos(0.9), 0.0, 0.5 - 0.3 * np.sin(0.9)]
-    )
-
-
-def test_a_model_without_a_joint_to_the_world_floats(arm):
-    arm.write_text(
-        ARM.replace("<parent>world</parent><child>upper</child>", "<parent>upper</parent><child>fore</child>")
-    )
-    kinds = {joint.name: joint.kind for joint in load(arm, still=True).mechanism.joints}
-    assert kinds["upper_floating"] == "floating"
-
-
 def test_what_sdf_does_not_have_is_stated(tmp_path):
     text = export("rack_steering", format="toml").text
     joint = next(joint.name for joint in load("rack_steering").mechanism.joints if joint.name != "pinion")
@@ -168,32 +123,6 @@ def crank(tmp_path):
     path = tmp_path / "crank.usda"
     path.write_text(CRANK)
     return path
-
-
-def test_units_groups_scales_drives_and_locked_coordinates_of_usd_are_read(crank):
-    solver = load(crank, still=True)
-    mechanism, inertia = solver.mechanism, solver.mechanism.links[0].inertia
-    assert {joint.name: joint.kind for joint in mechanism.joints} == {
-        "shaft": "revolute",
-        "wrist": "revolute",
-    }
-    # the group is twice as large, and its z is the x of the world
-    assert mechanism.guess["rod"].position == pytest.approx([0.0, 0.6, 0.0], abs=1e-15)
-    assert mechanism.guess["crank"].rotation @ [0, 0, 1] == pytest.approx([1.0, 0.0, 0.0], abs=1e-15)
-    shaft, wrist = mechanism.joints
-    assert mechanism.guess["crank"].rotation @ shaft.b.axis == pytest.approx([1.0, 0.0, 0.0], abs=1e-15)
-    assert wrist.a.point == pytest.approx((0.0, 0.1, 0.0), abs=1e-15)
-    # the scale of the group applies to the centre, not to the moments, as in pxr's ComputeMassProperties
-    assert (inertia.mass, inertia.centre) == (2.0, pytest.approx((0.02, 0.04, 0.06)))
-    # 1 g cm2 = 1e-7 kg m2, and the principal axes are rotated by 90 deg about z
-    assert np.diag(inertia.matrix) == pytest.approx([2e-5, 1e-5, 2.5e-5], rel=1e-14)
-    assert solver.ranges["shaft"] == pytest.approx((-np.pi / 3, np.pi / 2))
-    (spring,), (damper,) = solver.forces.joint_springs, solver.forces.friction
-    # 3,000 g cm2/s2 per degree
-    assert (spring.stiffness, spring.rest) == pytest.approx((3e-4 * 180 / np.pi, np.pi / 6))
-    assert damper.viscous == pytest.approx(1e-4 * 180 / np.pi)
-    assert solver.forces.gravity == pytest.approx((0.0, -9.81, 0.0))
-    assert solver.facts == ("not read: PhysicsCollisionAPI, masses by density",)
 
 
 def test_mimics_and_binary_files_of_usd_are_read(crank):

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from model_files import model_text
 
 import mechsim as ms
 
@@ -62,18 +61,3 @@ def test_a_relative_motion_law_starts_where_the_legs_reach_the_plate(load):
     assert (np.abs(start[:, 0]) >= BASE - PLATE).all()
     assert "l1 = " in solver.facts[0]
     np.testing.assert_allclose(np.diff(start), 0.01, atol=1e-12)
-
-
-PISTON = model_text("start_of_guess_piston.toml")
-
-
-@pytest.mark.parametrize(("driver", "start"), [("crank", np.pi / 3), ("bore", 0.18064)])
-def test_a_driver_starts_where_the_guess_places_both_its_links(tmp_path, driver, start):
-    path = tmp_path / "piston.toml"
-    path.write_text(PISTON.replace("DRIVER", driver))
-    solver = ms.load(str(path), still=True)
-    described = solver.described
-    assert (described.start or described.guess_coordinates[driver]) == pytest.approx(start, abs=1e-12)
-    # a stated start is not replaced
-    path.write_text(PISTON.replace("DRIVER", "crank").replace("drivers", "start = 0\ndrivers", 1))
-    assert ms.load(str(path)).described.start == 0.0

@@ -28,14 +28,6 @@ def test_a_four_bar_file_agrees_with_the_closed_form(file):
 
 
 @pytest.mark.parametrize(
-    ("text", "crank"), [("35mm", 0.035), ("0.035m", 0.035), ("35*1", 0.035), ("ground/4", 0.025)]
-)
-def test_a_changed_parameter_replaces_that_of_the_file(file, text, crank):
-    read = ms.load(file(FOUR_BAR), {"crank": text})
-    np.testing.assert_allclose(read.positions([0.0])["A"], [[crank, 0.0, 0.0]], rtol=1e-14)
-
-
-@pytest.mark.parametrize(
     ("old", "new", "words"),
     [
         ('"ground + crank/2"', f'"{"1+" * 400}1"', ("line 8", "801 characters")),
@@ -57,16 +49,3 @@ def test_a_file_called_like_a_catalogue_mechanism_does_not_shadow_it(tmp_path, m
     (tmp_path / "rssr").write_text(FOUR_BAR)
     monkeypatch.chdir(tmp_path)
     assert ms.load("rssr") == ms.catalog.make("rssr")
-
-
-def test_joints_of_an_open_chain_are_the_default_drivers(file):
-    arm = model_text("toml_reader_arm.toml")
-    assert ms.load(file(arm)).mechanism.drivers == ("shoulder", "elbow")
-    pendulum = arm[: arm.index("[joints.elbow]")].replace("[links.lower]", "")
-    assert ms.load(file(pendulum)).mechanism.driver == "shoulder"
-    # coordinates of a loop, or coupled ones, are not independent
-    loop = FOUR_BAR.replace('drivers = ["crank"]\n', "").replace("start = 10\n", "")
-    coupled = arm + '[couplings.gear]\ndriver = "shoulder"\ndriven = "elbow"\nratio = 2\n'
-    for text in (loop.replace("[joints.crank]", "[joints.handle]"), coupled):
-        with pytest.raises(ms.InputError, match="no joint is driven"):
-            ms.load(file(text))

@@ -93,31 +93,6 @@ def press(file):
     return ms.load(path)
 
 
-def test_couplings_are_read_in_si(press):
-    mechanism = press.mechanism
-    (mesh,) = mechanism.gears
-    assert (mesh.driver, mesh.driven, mesh.ratio, mesh.phase) == ("crank", "second", -2, np.deg2rad(75))
-    assert mesh.pressure_angle == np.deg2rad(20)
-    rack_law, nut_law, sum_law, sleeve_law = mechanism.couplings
-    assert [item.pressure_angle for item in mechanism.couplings] == [0.4, None, None, None]
-    assert (rack_law.left, rack_law.right) == ("rack", "crank")
-    np.testing.assert_allclose(rack_law.coefficients, [0.002, 0.036 / (2 * np.pi)], rtol=1e-15)
-    # an angle in degrees over a length in millimetres
-    x = 0.0173
-    expected = np.deg2rad(15 + 2 * 7.3 + 0.1 * 7.3**2 + 1e-4 * 7.3**4)
-    np.testing.assert_allclose(nut_law.polynomial(np.array([x]))[0], [expected], rtol=1e-12)
-    np.testing.assert_allclose(nut_law.zeros, [np.deg2rad(3), 0.01])
-    assert (sum_law.left, sum_law.right) == ("table.x", {"rack": 1.0, "sleeve.way": -0.5})
-    assert (sleeve_law.coefficients, sleeve_law.turns) == ((0.0, 3.0), True)
-    assert mechanism.joint("nut").lead == 0.004
-
-
-def test_starts_and_locked_values_are_in_the_units_of_the_file(press):
-    mechanism = press.mechanism
-    assert mechanism.guess_coordinates == {"crank": np.deg2rad(20), "sleeve.way": 0.005, "rack": 0.003}
-    assert mechanism.locked == {"table.y": 0.007, "table.turn": pytest.approx(np.deg2rad(10))}
-
-
 def test_motion_laws_of_a_file_use_its_units_and_parameters(press):
     time = np.linspace(0.0, 0.5, 7)
     crank, sleeve = press.motion_laws.state(time)[0]
@@ -140,18 +115,3 @@ def test_all_contents_are_read_back_exactly(press, file):
     bare = [replace(item.forces, loads=(), couples=(), crank_torque=None) for item in (again, press)]
     assert bare[0] == bare[1]
     assert to_toml(again) == to_toml(press)
-
-
-def test_forces_of_a_file_are_in_si(press):
-    forces = press.forces
-    assert forces.gravity == (0.0, 0.0, -9.81)
-    assert forces.flywheel == pytest.approx(2e-5)
-    assert forces.motor.ratio == -3
-    assert forces.motor.motor.stall == pytest.approx(0.3)
-    assert forces.motor.motor.no_load == pytest.approx(20 * np.pi)
-    spring, oil = forces.springs
-    assert (spring.stiffness, spring.rest) == (pytest.approx(5000), pytest.approx(0.04))
-    assert (spring.a, spring.b[0]) == ("end", "ground")
-    assert (oil.stiffness, oil.damping) == (0.0, 3.0)
-    assert [item.rest for item in forces.joint_springs] == pytest.approx([0.004, np.deg2rad(30)])
-    assert forces.friction[1].viscous_turn == 1e-4

@@ -7,7 +7,6 @@ import pytest
 from model_files import model_text
 
 from mechsim.io.readers import load
-from mechsim.io.toml_writer import to_toml
 from mechsim.mechanism.mechanism import against
 from mechsim.pictures.view.offline_page import page
 from mechsim.report.views import mechanism_view
@@ -22,39 +21,6 @@ def loaded(tmp_path: Path, text: str, name: str = "arm.toml"):
     path = tmp_path / name
     path.write_text(text)
     return load(str(path))
-
-
-@pytest.mark.parametrize(
-    ("more", "expected"),
-    [
-        ("[forces]\ngravity = [0, 0, -9.81]", "z"),
-        ("[forces]\ngravity = [0, 9.81, 0]", "-y"),
-        ("[forces]\ngravity = [-9.7, 1, 0]", "x"),
-        ("[forces]\ngravity = [0, 0, 0]", None),
-        ("[forces]\nflywheel = 1e-3", "y"),
-        ('[display]\nup = "z"', "z"),
-        ('[forces]\ngravity = [0, 0, -9.81]\n[display]\nup = "y"', "y"),
-        ("", None),
-    ],
-)
-def test_the_vertical_is_explicit_or_opposite_to_gravity(tmp_path, more, expected):
-    assert loaded(tmp_path, ARM + more).mechanism.up == expected
-
-
-@pytest.mark.parametrize(
-    ("gravity", "expected"), [("0 0 -9.81", "z"), ("0 -9.81 0", "y"), ("0 0 0", "z"), ("9.81 0 0", "-x")]
-)
-def test_the_vertical_of_a_scene_is_opposite_to_gravity(tmp_path, gravity, expected):
-    assert loaded(tmp_path, SCENE.format(gravity), "arm.xml").mechanism.up == expected
-
-
-def test_a_scene_exported_as_toml_keeps_its_vertical(tmp_path):
-    solver = loaded(tmp_path, SCENE.format("0 0 -9.81"), "arm.xml")
-    for source in (solver, solver.mechanism):
-        written = to_toml(source)
-        assert 'up = "z"' in written
-        again = loaded(tmp_path, written).mechanism
-        assert again.up == "z"
 
 
 def test_a_mechanism_with_gravity_along_z_is_drawn_upright(tmp_path):

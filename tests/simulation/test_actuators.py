@@ -101,10 +101,3 @@ def test_an_unknown_actuator_is_rejected(tmp_path):
     model, _, _ = model_of(tmp_path, "motor")
     with pytest.raises(ms.InputError, match="--ctrl names 'w'; actuators are u"):
         with_controls(model.forces, {"w": "1"})
-
-
-def test_an_actuator_that_is_not_computed_is_reported(file):
-    path = file(ARM.format('<muscle name="w" joint="j1" lengthrange="-1 1"/><motor name="u" joint="j2"/>'))
-    read = ms.load(path, still=True)
-    assert [actuator.name for actuator in read.forces.actuators] == ["u"]
-    assert "actuators w" in read.source.left_out
