@@ -3,14 +3,17 @@
 A row of loops is solved in time proportional to its length, instead of its cube.
 """
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.graphs import components
 
 # smallest ratio of the number of unknowns to the bandwidth
 MIN_RATIO = 4
@@ -74,27 +77,34 @@ class Band:
 
     @cached_property
     def parity(self) -> float:
-        """Sign that both orders give the determinant."""
-        count = len(self.equations)
-        return float(
-            np.linalg.det(np.eye(count)[self.equations]) * np.linalg.det(np.eye(count)[self.unknowns])
-        )
+        """Sign that both orders give the determinant, by the number of their cycles."""
+        orders = self.equations.tolist(), self.unknowns.tolist()
+        cycles = [len(components(order, enumerate(order))) for order in orders]
+        return -1.0 if sum(cycles) % 2 else 1.0
 
 
-def band(pattern: SparseMatrices, rows: NDArray[np.intp], columns: NDArray[np.intp]) -> Band | None:
-    """Return the order in which selected rows and columns, as many, are banded; None for a wide band.
+def band(
+    pattern: SparseMatrices,
+    rows: NDArray[np.intp],
+    columns: NDArray[np.intp],
+    stated: Sequence[int] | NDArray[np.intp] = (),
+) -> Band | None:
+    """Return the order in which selected rows and columns are banded; None for a wide band.
+
+    There are as many rows as columns; an equation for each of the columns `stated`, (s,), adds to the rows.
 
     Source: E. Cuthill and J. McKee, Reducing the bandwidth of sparse symmetric matrices, 24th ACM National
     Conference (1969), of rows and columns matched as the diagonal.
     """
-    count = len(rows)
+    count = len(columns)
     from scipy import sparse
     from scipy.sparse import csgraph
 
     row_of, column_of = (np.full(length, -1) for length in pattern.shape)
-    row_of[rows], column_of[columns] = np.arange(count), np.arange(count)
+    row_of[rows], column_of[columns] = np.arange(len(rows)), np.arange(count)
     entries = np.flatnonzero((row_of[pattern.rows] >= 0) & (column_of[pattern.columns] >= 0))
-    i, j = row_of[pattern.rows[entries]], column_of[pattern.columns[entries]]
+    i = np.append(row_of[pattern.rows[entries]], np.arange(len(rows), count))
+    j = np.append(column_of[pattern.columns[entries]], np.array(stated, dtype=np.intp))
     graph: Any = csgraph
     matched = np.asarray(
         graph.maximum_bipartite_matching(sparse.csr_matrix((np.ones(len(i)), (i, j))), perm_type="row")
@@ -118,15 +128,23 @@ def band(pattern: SparseMatrices, rows: NDArray[np.intp], columns: NDArray[np.in
 
 @dataclass(frozen=True)
 class BandedSystems:
-    """Square systems of n instants.
+    """Square systems of n instants, banded but for a border of dense last equations.
+
+    The border C takes the place of the equations that state some unknowns. With these the band A is square,
+    and the solution of the bordered system is A^-1 (b, 0) + V a, where the columns of V = A^-1 (0, 1) span
+    the null space of the equations above the border, and C V a = c - C A^-1 (b, 0).
+
+    Source: W. Govaerts, Numerical Methods for Bifurcations of Dynamical Equilibria (2000), chapter 3.
 
     Attributes:
         band: their order.
         values: their entries, (k, n).
+        border: the last equations C, (n, s, u); None if all are in the band.
     """
 
     band: Band
     values: Array
+    border: Array | None = None
 
     def __len__(self) -> int:
         return self.values.shape[1]
@@ -135,30 +153,33 @@ class BandedSystems:
     def dense(self) -> Array:
         """The matrices, (n, u, u)."""
         band = self.band
-        out = np.zeros((self.values.shape[1], *[len(band.equations)] * 2))
-        out[:, band.positions[0], band.positions[1]] = self.values.T
-        return out[:, band.equations[:, None], band.unknowns]
+        i, j = band.positions[:, : len(self.values)]
+        out = np.zeros((len(self), *[len(band.equations)] * 2))
+        out[:, i, j] = self.values.T
+        out = out[:, band.equations[:, None], band.unknowns]
+        if self.border is not None:
+            out[:, -self.border.shape[1] :] = self.border
+        return out
 
     @cached_property
     def _factors(self) -> tuple[Array, NDArray[np.intp], bool]:
-        """LU factors and pivots of the systems one after another, and whether one is singular (LAPACK)."""
+        """LU factors and pivots of the bands one after another, and whether one is singular (LAPACK)."""
         from scipy.linalg import lapack
 
-        (low, high), n, count = self.band.widths, self.values.shape[1], len(self.band.equations)
+        (low, high), count = self.band.widths, len(self.band.equations)
         rows = 2 * low + high + 1
-        storage = np.zeros((n, count, rows))
+        storage = np.zeros((len(self), count, rows))
         i, j = self.band.positions
+        # the entries, then those of the equations that state an unknown
+        storage[:, j, low + high + i - j] = 1.0
+        i, j = i[: len(self.values)], j[: len(self.values)]
         storage[:, j, low + high + i - j] = self.values.T
         routines: Any = lapack
         factors, pivots, info = routines.dgbtrf(storage.reshape(-1, rows).T, low, high, overwrite_ab=True)
         return factors, pivots, bool(info)
 
-    def solution(self, right: Array, transposed: bool = False) -> Array:
-        """Return the solutions (n, u) of right sides (n, u); of k n right sides those of k copies.
-
-        Raises:
-            LinAlgError: if a system is singular.
-        """
+    def _banded_solution(self, right: Array, transposed: bool = False) -> Array:
+        """Return A^-1 or A^-T times vectors (..., n, u)."""
         from scipy.linalg import lapack
 
         factors, pivots, singular = self._factors
@@ -168,21 +189,58 @@ class BandedSystems:
         if transposed:
             first, last = last, first
         ordered = np.empty_like(right)
-        ordered[:, first] = right
+        ordered[..., first] = right
         sides = ordered.reshape(-1, factors.shape[1]).T
         routines: Any = lapack
         solved, _ = routines.dgbtrs(factors, *self.band.widths, sides, pivots, trans=int(transposed))
-        return solved.T.reshape(right.shape)[:, last]
+        return solved.T.reshape(right.shape)[..., last]
+
+    @cached_property
+    def _null_space(self) -> tuple[Array, Array]:
+        """V, (n, u, s), and C V, (n, s, s)."""
+        assert self.border is not None
+        count, unknowns = self.border.shape[1:]
+        units = np.zeros((count, len(self), unknowns))
+        units[range(count), :, range(unknowns - count, unknowns)] = 1.0
+        vectors = self._banded_solution(units).transpose(1, 2, 0)
+        return vectors, self.border @ vectors
+
+    def solution(self, right: Array, transposed: bool = False) -> Array:
+        """Return the solutions (n, u) of right sides (n, u); of k n right sides those of k copies.
+
+        Raises:
+            LinAlgError: if a system is singular.
+        """
+        first = right.reshape(-1, len(self), right.shape[1])
+        if self.border is None:
+            return self._banded_solution(first, transposed).reshape(right.shape)
+        (vectors, gains), rank = self._null_space, right.shape[1] - self.border.shape[1]
+        if transposed:
+            above = self._banded_solution(first, transposed)
+            rows = self._banded_solution(self.border.swapaxes(0, 1), transposed)
+            above[..., rank:] = np.linalg.solve(gains.swapaxes(1, 2), above[..., rank:, None])[..., 0]
+            above[..., :rank] -= np.einsum("snu,kns->knu", rows[..., :rank], above[..., rank:])
+            return above.reshape(right.shape)
+        last, first = first[..., rank:], first.copy()
+        first[..., rank:] = 0.0
+        above = self._banded_solution(first)
+        rest = last - np.einsum("nsu,knu->kns", self.border, above)
+        above += np.einsum("nus,kns->knu", vectors, np.linalg.solve(gains, rest[..., None])[..., 0])
+        return above.reshape(right.shape)
 
     @cached_property
     def determinant(self) -> tuple[Array, Array]:
         """Signs, and logarithms of magnitudes, (n,) each."""
         factors, pivots, _ = self._factors
-        diagonal = factors[sum(self.band.widths)].reshape(self.values.shape[1], -1)
+        diagonal = factors[sum(self.band.widths)].reshape(len(self), -1)
         swapped = (pivots != np.arange(len(pivots))).reshape(diagonal.shape).sum(1)
         sign = np.sign(diagonal).prod(1) * np.where(swapped % 2, -1.0, 1.0) * self.band.parity
         with np.errstate(divide="ignore"):
-            return sign, np.log(np.abs(diagonal)).sum(1)
+            logarithm = np.log(np.abs(diagonal)).sum(1)
+        if self.border is not None:
+            border_sign, border_logarithm = np.linalg.slogdet(self._null_space[1])
+            return sign * border_sign, logarithm + border_logarithm
+        return sign, logarithm
 
     @cached_property
     def smallest_singular_values(self) -> Array:
@@ -191,7 +249,7 @@ class BandedSystems:
         Source: Lanczos' method with complete reorthogonalisation for (A^T A)^-1; G. Golub and C. Van Loan,
         Matrix Computations (2013), chapter 10.
         """
-        n, count = self.values.shape[1], len(self.band.equations)
+        n, count = len(self), len(self.band.equations)
         basis, projected = np.empty((LANCZOS_STEPS + 1, n, count)), np.zeros((n, *[LANCZOS_STEPS + 1] * 2))
         start = np.random.default_rng(0).standard_normal(count)
         basis[0], before = start / np.linalg.norm(start), np.zeros(n)
@@ -212,3 +270,71 @@ class BandedSystems:
                     return 1.0 / np.sqrt(largest)
                 before = largest
         return np.asarray(np.linalg.svd(self.dense, compute_uv=False)[:, -1], dtype=np.float64)
+
+
+@dataclass(frozen=True)
+class NormalBand:
+    """Order in which the matrix A'A of a sparse matrix A is banded, and the products that form its entries.
+
+    Attributes:
+        band: the order.
+        factors: both entries of A in each product, in the order of the entries of A'A, (2, p).
+        first: first product of each entry of A'A, (k,).
+        diagonal: entries of A'A on its diagonal, (u,).
+        entries: entries of A in the order of its columns, (e,).
+        columns: first entry of each column, (u,).
+    """
+
+    band: Band
+    factors: NDArray[np.intp]
+    first: NDArray[np.intp]
+    diagonal: NDArray[np.intp]
+    entries: NDArray[np.intp]
+    columns: NDArray[np.intp]
+
+
+def normal_band(pattern: SparseMatrices, columns: NDArray[np.intp]) -> NormalBand | None:
+    """Return the order of A'A for selected columns of A; None for a wide band, or for a column of zeros."""
+    count, column_of = len(columns), np.full(pattern.shape[1], -1)
+    column_of[columns] = np.arange(count)
+    column = column_of[pattern.columns]
+    by_row: dict[int, list[int]] = {}
+    for entry in np.flatnonzero(column >= 0).tolist():
+        by_row.setdefault(int(pattern.rows[entry]), []).append(entry)
+    factors = np.array([pair for row in by_row.values() for pair in product(row, row)], dtype=np.intp).T
+    codes = count * column[factors[0]] + column[factors[1]]
+    order = np.argsort(codes, kind="stable")
+    square, first = np.unique(codes[order], return_index=True)
+    diagonal = np.searchsorted(square, (count + 1) * np.arange(count))
+    entries = np.argsort(column, kind="stable")[np.count_nonzero(column < 0) :]
+    used, starts = np.unique(column[entries], return_index=True)
+    every = np.arange(count)
+    shape = SparseMatrices(*np.divmod(square, count), np.empty((len(square), 0)), (count, count))
+    own = band(shape, every, every) if len(used) == count else None
+    return None if own is None else NormalBand(own, factors[:, order], first, diagonal, entries, starts)
+
+
+@dataclass(frozen=True)
+class DampedBand:
+    """Damped least-squares steps of sparse equations, for `numerics.newton`.
+
+    Attributes:
+        rhs: residuals, (n, m).
+        matrices: derivatives by all coordinates.
+        normal: the order of their normal equations.
+        damping: residuals (n, m) and traces of A'A, (n,) -> the damping, (n,).
+    """
+
+    rhs: Array
+    matrices: SparseMatrices
+    normal: NormalBand
+    damping: Callable[[Array, Array], Array]
+
+    def solution(self, right: Array) -> Array:
+        """Return x with (A'A + damping) x = A' right, (n, u)."""
+        normal, values = self.normal, self.matrices.values
+        square = np.add.reduceat(values[normal.factors[0]] * values[normal.factors[1]], normal.first)
+        square[normal.diagonal] += self.damping(right, square[normal.diagonal].sum(0))
+        terms = values[normal.entries] * right.T[self.matrices.rows[normal.entries]]
+        systems = BandedSystems(normal.band, square[normal.band.entries])
+        return systems.solution(np.ascontiguousarray(np.add.reduceat(terms, normal.columns).T))

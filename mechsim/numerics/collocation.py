@@ -6,7 +6,7 @@ practice (2013), chapters 3 to 5 for nodes and barycentric weights.
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, cached_property
 from typing import TYPE_CHECKING, Any, Generic, Self, TypeVar
 
 import numpy as np
@@ -169,10 +169,14 @@ class Piecewise(Generic[S_co]):
 
     segments: Sequence[S_co]
 
+    @cached_property
+    def _lows(self) -> Array:
+        return np.array([segment.low for segment in self.segments])
+
     def groups(self, s: Array) -> Iterator[tuple[S_co, NDArray[np.intp]]]:
         """Yield polynomials, and the indices of the parameters (n,) in each."""
-        lows = np.array([segment.low for segment in self.segments])
-        owner = np.clip(np.searchsorted(lows, s + JUNCTION, side="right") - 1, 0, len(lows) - 1)
+        owner = np.searchsorted(self._lows, s + JUNCTION, side="right") - 1
+        owner = np.clip(owner, 0, len(self.segments) - 1)
         for i in np.unique(owner).tolist():
             yield self.segments[i], np.flatnonzero(owner == i)
 

@@ -179,9 +179,12 @@ class Linearised:
 
     @cached_property
     def alone(self) -> bool:
+        """Whether all unknowns are determined, and the unused equations are zero or absent."""
+        return len(self.others) + self.rhs.shape[1] == len(self.residual) and self.others_vanish
+
+    @cached_property
+    def others_vanish(self) -> bool:
         """Whether the unused equations are zero, as those out of the plane of a planar linkage, or absent."""
-        if len(self.others) + self.rhs.shape[1] != len(self.residual):
-            return False
         if not isinstance(self.derivatives, np.ndarray):
             outside = np.isin(self.derivatives.rows, self.others) & np.isin(
                 self.derivatives.columns, self.unknown
@@ -194,7 +197,9 @@ class Linearised:
         """Return the smallest relevant singular values of all equations, (n,); 1 without unknowns."""
         if not rank:
             return np.ones(len(self.systems))
-        return self._smallest if self.alone else self.all_singular_values[:, rank - 1]
+        if self.alone or (not isinstance(self.systems, np.ndarray) and self.others_vanish):
+            return self._smallest
+        return self.all_singular_values[:, rank - 1]
 
     @cached_property
     def _smallest(self) -> Array:
@@ -302,11 +307,13 @@ class LoopSolver(Generic[E, Q]):
     @cached_property
     def band(self) -> Band | None:
         """Order in which the equations are banded; None if they are few, or solved as a whole."""
-        if self.loops.sparse is None or not len(self.rows) == len(self.loops.unknown) >= MIN_UNKNOWNS:
+        sparse = self.loops.sparse
+        if sparse is None or not len(self.rows) + self.nullity == len(self.loops.unknown) >= MIN_UNKNOWNS:
             return None
         from mechsim.numerics.banded import band
 
-        return band(self.loops.sparse(self.reference)[1], self.rows, self.loops.unknown)
+        stated = pivot_columns(self.null_space)[0][: self.nullity] if self.nullity else ()
+        return band(sparse(self.reference)[1], self.rows, self.loops.unknown, stated)
 
     @property
     def numbers(self) -> int:
@@ -315,22 +322,24 @@ class LoopSolver(Generic[E, Q]):
 
     def linearise(self, q: Q) -> Linearised:
         """Return the loops about n sets of coordinates."""
-        if self.band is not None and self.loops.sparse is not None:
-            from mechsim.numerics.banded import BandedSystems
-
-            residual, entries, poses = self.loops.sparse(q)
-            systems = BandedSystems(self.band, entries.values[self.band.entries])
-            right = residual[self.rows].T
-            return Linearised(residual, entries, poses, systems, right, self.loops.unknown, self.others)
-        residual, jacobian, poses = self.loops.linearise(q)
-        n, u, r = len(q), len(self.loops.unknown), len(self.rows)
-        matrix, right = np.empty((n, u, u), jacobian.dtype), np.empty((n, u), jacobian.dtype)
-        matrix[:, :r] = jacobian.take(self.rows, 0).take(self.loops.unknown, 1).transpose(2, 0, 1)
+        loops: Any = self.loops
+        residual, derivatives, poses = (loops.linearise if self.band is None else loops.sparse)(q)
+        n, u, r = len(q), len(loops.unknown), len(self.rows)
+        right, border = np.empty((n, u), residual.dtype), None
         right[:, :r] = residual[self.rows].T
         if self.nullity:
             reference = self.reference.repeated(n // len(self.reference))
-            right[:, r:], matrix[:, r:] = self.loops.along(q, reference, self.null_space)
-        return Linearised(residual, jacobian, poses, matrix, right, self.loops.unknown, self.others)
+            right[:, r:], border = loops.along(q, reference, self.null_space)
+        if self.band is not None:
+            from mechsim.numerics.banded import BandedSystems
+
+            systems = BandedSystems(self.band, derivatives.values[self.band.entries], border)
+        else:
+            systems = np.empty((n, u, u), residual.dtype)
+            systems[:, :r] = derivatives.take(self.rows, 0).take(loops.unknown, 1).transpose(2, 0, 1)
+            if border is not None:
+                systems[:, r:] = border
+        return Linearised(residual, derivatives, poses, systems, right, loops.unknown, self.others)
 
     def retract(self, q: Q, step: Array) -> Q:
         """Return configurations displaced by steps of the unknowns, (n, u)."""

@@ -11,6 +11,7 @@ from mechsim.kinematics.continuation.assembly_curve import AssemblyCurve
 from mechsim.kinematics.continuation.free_loops import FreeLoops, free_loops
 from mechsim.kinematics.continuation.segments import trace_curve
 from mechsim.kinematics.group_assemblies import group_assemblies
+from mechsim.kinematics.loops.assemblies import joined_poses
 from mechsim.kinematics.loops.constraints import TreeLoops
 from mechsim.kinematics.loops.kinematics import Coordinates, link_poses
 from mechsim.kinematics.loops.mobility import require_determined
@@ -60,7 +61,8 @@ class CurveSearch:
         rank = significant(values, RANK_TOLERANCE).sum(1)
         self.poses += [poses.select(np.array([i])) for i in range(len(poses))]
         self.features = np.concatenate([self.features, self.loops.features.values(placed)])
-        self.singular_values = np.concatenate([self.singular_values, self.loops.singular_value(jacobian)])
+        least = values[:, self.loops.rank - 1] if self.loops.rank else np.ones(len(poses))
+        self.singular_values = np.concatenate([self.singular_values, least])
         self.dofs = np.concatenate([self.dofs, 1 + self.loops.rank - rank])
         self.counted = np.concatenate([self.counted, np.full(len(poses), counted)])
         self.curve_index = np.concatenate([self.curve_index, np.full(len(poses), -1)])
@@ -127,11 +129,11 @@ class CurveSearch:
 
 def lie_on(curve: AssemblyCurve, features: Array) -> NDArray[np.bool_]:
     """Return which of n poses, given by their features, lie on a curve, (n,)."""
-    arcs = np.concatenate([segment.nodes for segment in curve.traced.segments])
-    node_features = np.concatenate([segment.features.states for segment in curve.traced.segments])
+    arcs, node_features = curve.traced.nodes
     on, spacing = np.zeros(len(features), dtype=np.bool_), (np.diff(arcs, append=curve.length) ** 2).max()
+    squares = [(rows**2).sum(1) for rows in (features, node_features)]
     for i, pose in enumerate(features):
-        distances = ((node_features - pose) ** 2).sum(1)
+        distances = squares[0][i] + squares[1] - 2.0 * (node_features @ pose)
         # where a curve nearly crosses itself, several local minima are candidates
         minima = (distances <= np.roll(distances, 1)) & (distances <= np.roll(distances, -1))
         candidates = arcs[minima & (distances < spacing)]
@@ -177,8 +179,8 @@ def add_group_poses(search: CurveSearch, loops: TreeLoops) -> tuple[list[NDArray
         except InputError as error:
             return [], str(error)
         first = len(search.poses)
-        for assembly in every:
-            search.add(all_closed(loops, loops.read(assembly)), counted=False)
+        if every:
+            search.add(all_closed(loops, loops.read(joined_poses(every))), counted=False)
         if len(search.poses) - first == len(every):
             added.append(np.arange(first, len(search.poses)))
     return added, ""

@@ -11,6 +11,7 @@ from mechsim.kinematics.loops import rounded_geometry
 from mechsim.kinematics.loops.mobility import checked_start, driver_determinacy
 from mechsim.kinematics.loops.rounded_geometry import DIMENSION_TOLERANCE, corrected
 from mechsim.kinematics.solvers import KinematicSolver
+from mechsim.numerics import loop_solver
 from mechsim.numerics.banded import BandedSystems, SparseMatrices
 
 # their loops assemble only with parallel axes or under Bennett's condition
@@ -168,6 +169,20 @@ def test_a_long_row_is_solved_without_dense_matrices(monkeypatch):
     motion = row.solve(angles)
     np.testing.assert_allclose(motion.points["P"].position[:, :2], row_by_circles(60, angles), atol=1e-11)
     np.testing.assert_allclose(motion.conditioning[0], conditioning_of(solver), rtol=1e-9)
+
+
+@pytest.mark.long
+def test_a_long_row_is_traced_in_a_band_as_by_dense_matrices(monkeypatch):
+    row, curves = row_of_four_bars(10), []
+    for least in (10, 10_000):
+        monkeypatch.setattr(loop_solver, "MIN_UNKNOWNS", least)
+        curves.append(ms.trace(row, starts=0).curves[0])
+    banded, dense = curves
+    assert [curve.traced.segments[-1].solver.band is None for curve in curves] == [False, True]
+    assert banded.length == pytest.approx(dense.length, rel=1e-9)
+    np.testing.assert_allclose(banded.dead_centres, dense.dead_centres, atol=1e-9)
+    paths = [curve.samples(9).points["P"] for curve in curves]
+    np.testing.assert_allclose(*paths, atol=1e-7)
 
 
 def conditioning_of(solver) -> float:

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mechsim.numerics.banded import BandedSystems, SparseMatrices, band
+from mechsim.numerics.banded import BandedSystems, DampedBand, SparseMatrices, band, normal_band
+from mechsim.numerics.rank import null_space, pivot_columns
 
 COUNT = 150
 
@@ -55,6 +56,45 @@ def test_a_shuffled_chain_is_solved_as_dense_matrices_are(width):
     np.testing.assert_allclose(own.determinant[1], logarithm, rtol=1e-12)
     values = np.linalg.svd(dense, compute_uv=False)
     np.testing.assert_allclose(own.smallest_singular_values, values[:, -1], rtol=1e-9)
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_a_band_with_a_border_of_dense_equations_is_solved_as_dense_matrices_are(count):
+    matrices, _ = shuffled(chain(2))
+    matrices = replace(matrices, values=matrices.values[:, :1] * np.array([1.0, 0.99, 1.01]))
+    dense, rows = matrices.dense.transpose(2, 0, 1), np.arange(COUNT - count)
+    stated = pivot_columns(null_space(dense[0, rows]))[0][:count]
+    order = band(matrices, rows, np.arange(COUNT), stated)
+    assert order is not None
+    border = np.random.default_rng(3).standard_normal((3, count, COUNT))
+    own = BandedSystems(order, matrices.values[order.entries], border)
+    dense[:, COUNT - count :] = border
+    np.testing.assert_array_equal(own.dense, dense)
+    right = np.random.default_rng(2).standard_normal((6, COUNT))
+    expected = np.linalg.solve(np.tile(dense, (2, 1, 1)), right[..., None])[..., 0]
+    np.testing.assert_allclose(own.solution(right), expected, rtol=1e-8, atol=1e-10)
+    expected = np.linalg.solve(dense.transpose(0, 2, 1), right[:3, :, None])[..., 0]
+    np.testing.assert_allclose(own.solution(right[:3], transposed=True), expected, rtol=1e-8, atol=1e-10)
+    sign, logarithm = np.linalg.slogdet(dense)
+    np.testing.assert_array_equal(own.determinant[0], sign)
+    np.testing.assert_allclose(own.determinant[1], logarithm, rtol=1e-12)
+    values = np.linalg.svd(dense, compute_uv=False)
+    np.testing.assert_allclose(own.smallest_singular_values, values[:, -1], rtol=1e-9)
+
+
+def test_damped_steps_of_sparse_equations_are_those_of_dense_matrices():
+    matrices, dense = shuffled(chain(2))
+    unknown = np.delete(np.arange(COUNT), [3, 60])
+    order = normal_band(matrices, unknown)
+    assert order is not None
+    right, damping = np.random.default_rng(2).standard_normal((3, COUNT)), np.array([0.1, 0.2, 0.3])
+    steps = DampedBand(right, matrices, order, lambda _, trace: damping * trace)
+    selected = dense[:, :, unknown]
+    square = selected.transpose(0, 2, 1) @ selected
+    added = damping * np.trace(square, axis1=1, axis2=2)
+    square += added[:, None, None] * np.eye(len(unknown))
+    expected = np.linalg.solve(square, selected.transpose(0, 2, 1) @ right[..., None])[..., 0]
+    np.testing.assert_allclose(steps.solution(right), expected, rtol=1e-11)
 
 
 def test_a_singular_system_is_reported_and_has_the_singular_value_zero():

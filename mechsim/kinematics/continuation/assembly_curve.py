@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import groupby
 from typing import Literal
 
 import numpy as np
@@ -120,7 +121,7 @@ class CurveJoints:
         return np.where(counted, np.round(increase / periods), 0.0)
 
     def turns(self) -> list[tuple[int, Extremum, float]]:
-        """Return the turning points: index of the column, its kind, and the arc.
+        """Return the turning points by columns: index of the column, its kind, and the arc.
 
         Accuracy: of the arcs about 1e-9.
         """
@@ -141,7 +142,7 @@ class CurveJoints:
                 turns.append(
                     (i, "highest" if rising[k] else "lowest", self._turning_arc(i, float(grid[k]), end))
                 )
-        return sorted(turns, key=lambda point: point[2])
+        return turns
 
     def _turning_arc(self, column: int, low: float, high: float) -> float:
         """Return the arc between two at which a coordinate has a turning point."""
@@ -260,24 +261,23 @@ class AssemblyCurve:
 
         Accuracy: values to rounding, arcs to about 1e-9, in a dwell to the spacing of the samples.
         """
-        turns = self.joints.turns()
-        by_column = [
-            (i, self._turning_points(i, [(which, arc) for column, which, arc in turns if column == i]))
-            for i in sorted({column for column, _, _ in turns})
-        ]
-        points = [point for i, row in by_column for point in self._one_per_dwell(i, row)]
+        rows = groupby(self._turning_points(self.joints.turns()), lambda point: point.coordinate)
+        points = [point for _, row in rows for point in self._one_per_dwell([*row])]
         return tuple(sorted(points, key=lambda point: point.arc))
 
-    def _turning_points(self, column: int, turns: Sequence[tuple[Extremum, float]]) -> list[TurningPoint]:
-        """Return the turning points of a column at arcs."""
-        name, poses = self.joints.columns[column].name, self.poses_at([arc for _, arc in turns])
+    def _turning_points(self, turns: Sequence[tuple[int, Extremum, float]]) -> list[TurningPoint]:
+        """Return turning points from the index of the column, the kind and the arc of each."""
+        if not turns:
+            return []
+        poses, names = self.poses_at([arc for _, _, arc in turns]), self._names
         return [
-            TurningPoint(name, which, float(poses.joints[name][k]), arc, float(poses.angle[k]))
-            for k, (which, arc) in enumerate(turns)
+            TurningPoint(names[i], which, float(poses.joints[names[i]][k]), arc, float(poses.angle[k]))
+            for k, (i, which, arc) in enumerate(turns)
         ]
 
-    def _one_per_dwell(self, column: int, points: Sequence[TurningPoint]) -> Iterator[TurningPoint]:
+    def _one_per_dwell(self, points: Sequence[TurningPoint]) -> Iterator[TurningPoint]:
         """Yield the turning points of a column without those at which rounding turns it in a dwell."""
+        column = self._names.index(points[0].coordinate)
         values = np.array([point.value for point in points])
         angle = self.joints.columns[column].unit == "rad"
         unit = 1.0 if angle else self.mechanism.characteristic_length
@@ -291,7 +291,7 @@ class AssemblyCurve:
             # after an even number of turns the coordinate goes on as before
             elif len(row) % 2:
                 middle = (first.arc + 0.5 * ((last.arc - first.arc) % self.length)) % self.length
-                yield from self._turning_points(column, [(first.which, middle)])
+                yield from self._turning_points([(column, first.which, middle)])
 
     @property
     def crank_turns(self) -> tuple[TurningPoint, ...]:
@@ -332,6 +332,10 @@ class AssemblyCurve:
     def samples(self, count: int) -> CurvePoses:
         """Return the poses at `count` arcs, evenly spaced over the closed curve, both ends included."""
         return self.poses_at(np.linspace(0.0, self.length, count))
+
+    @property
+    def _names(self) -> list[str]:
+        return [column.name for column in self.joints.columns]
 
     @cached_property
     def _driver(self) -> int:

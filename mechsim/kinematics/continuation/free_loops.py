@@ -1,7 +1,7 @@
 """The loop equations of a mechanism with free drivers, and the corrector that follows their solutions."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ from mechsim.kinematics.vector_method.vectors import array_cross as cross
 from mechsim.mechanism.links import GROUND
 from mechsim.numerics.arrays import CLOSED, Array
 from mechsim.numerics.loop_solver import NEARBY, Linearised
-from mechsim.numerics.newton import NewtonSettings, newton, square_solution
+from mechsim.numerics.newton import NewtonSettings, newton
 from mechsim.numerics.peaks import PEAK_POINTS, peak
 from mechsim.numerics.rank import pivot_columns, right_vectors, significant
 
@@ -144,6 +144,8 @@ def split_motion(loops: TreeLoops, poses: LinkPoses, free: Array) -> tuple[Array
     )
 
 
+# a branch point has a singular value below this fraction of the largest, and a residual of at most this
+SINGULAR_RATIO, MAX_RESIDUAL = 1e-7, 2e-13
 # Newton's method from the prediction of a node, to rounding; and two steps from a pose that is interpolated
 CORRECTOR = NewtonSettings(tolerance=1e-15, max_displacement=NEARBY.max_displacement)
 FINAL = NewtonSettings(max_iterations=2, last_step=0.0)
@@ -168,6 +170,33 @@ class PlacedNodes:
         linearised = self.solver.linearise(q)
         linearised.rhs[:, self.rank] -= self.length
         return linearised
+
+    def retract(self, q: Coordinates, step: Array) -> Coordinates:
+        """Return configurations displaced by steps of the unknowns, (n, u)."""
+        return self.solver.retract(q, step)
+
+
+@dataclass(frozen=True)
+class PerpendicularNodes:
+    """The equations of nodes that move perpendicular to a curve, for `numerics.newton`.
+
+    Attributes:
+        solver: the equations.
+        rank: number of independent ones; those after them do not count.
+        singular: nodes that do not move, (n,).
+    """
+
+    solver: TreeSolver
+    rank: int
+    singular: NDArray[np.bool_]
+
+    def linearise(self, q: Coordinates) -> Linearised:
+        """Return the equations linearised about n configurations."""
+        linearised = self.solver.linearise(q)
+        linearised.rhs[:, self.rank :] = linearised.rhs[self.singular] = 0.0
+        if not self.singular.any():
+            return linearised
+        return replace(linearised, systems=regularised(linearised.matrix, self.singular))
 
     def retract(self, q: Coordinates, step: Array) -> Coordinates:
         """Return configurations displaced by steps of the unknowns, (n, u)."""
@@ -220,16 +249,31 @@ class FreeLoops:
         """
         return self.loops.unflat(rows, self.locked_values[:, None])
 
-    def solver(self, coordinates: Coordinates, direction: Array | None) -> TreeSolver:
-        """Return a solver about one set of coordinates; its first null-space vector is the tangent."""
-        _, jacobian, poses = self.loops.linearise(coordinates)
-        jacobian = jacobian[:, self.loops.unknown]
-        tangent, idle = split_motion(self.loops, poses, right_vectors(jacobian[..., 0])[1][self.rank :])
-        if direction is not None and tangent @ direction < 0.0:
+    def solver(
+        self, coordinates: Coordinates, direction: Array, before: TreeSolver | None = None
+    ) -> TreeSolver:
+        """Return a solver about one set of coordinates; its first null-space vector is the tangent.
+
+        Args:
+            coordinates: the coordinates.
+            direction: of the unknowns, in which the tangent points.
+            before: solver about a set nearby, whose equations are the only ones of many in a band.
+        """
+        system = None if before is None or before.band is None else before.linearise(coordinates)
+        if before is not None and system is not None and system.others_vanish:
+            rows, poses = before.rows, system.poses
+            ahead = np.eye(len(before.null_space), len(self.loops.unknown), self.rank)
+            free = np.linalg.qr(system.solution(ahead).T)[0].T
+        else:
+            _, jacobian, poses = self.loops.linearise(coordinates)
+            jacobian = jacobian[:, self.loops.unknown, 0]
+            free = right_vectors(jacobian)[1][self.rank :]
+            rows = np.zeros(0, dtype=np.intp)
+            if self.rank:
+                rows = np.sort(pivot_columns(jacobian.T)[0][: self.rank])
+        tangent, idle = split_motion(self.loops, poses, free)
+        if tangent @ direction < 0.0:
             tangent = -tangent
-        rows = np.zeros(0, dtype=np.intp)
-        if self.rank:
-            rows = np.sort(pivot_columns(jacobian[..., 0].T)[0][: self.rank])
         return TreeSolver(self.loops, rows, np.vstack([tangent, idle]), coordinates)
 
     def close(self, solver: TreeSolver, guess: Coordinates) -> CorrectedNodes | None:
@@ -243,59 +287,44 @@ class FreeLoops:
         largest = float(np.abs(system.residual).max(initial=0.0))
         if not (largest < CLOSED and np.isfinite(result.displacement).all()):
             return None
-        ahead = np.zeros(system.matrix.shape[1])
-        ahead[self.rank] = 1.0
+        ahead = np.zeros_like(system.rhs)
+        ahead[:, self.rank] = 1.0
         try:
-            right = np.broadcast_to(ahead[:, None], (len(coordinates), len(ahead), 1))
-            along = np.linalg.solve(system.matrix, right)[..., 0].astype(np.float64, copy=False)
+            along = system.solution(ahead)
         except np.linalg.LinAlgError:
             return None
         rates = self.features.rates(system.poses, all_rates(self.loops, along))
-        least = self.singular_value(system.jacobian)
-        side = np.linalg.slogdet(system.matrix)[0]
-        return CorrectedNodes(
-            coordinates, self.features.values(system.poses), rates, along, length, least, side
-        )
-
-    def singular_value(self, jacobian: Array) -> Array:
-        """Return the singular value of Jacobians (rows, count, n) that vanishes at branch points, (n,)."""
-        if not self.rank:
-            return np.ones(jacobian.shape[2])
-        values = np.linalg.svd(jacobian[:, self.loops.unknown].transpose(2, 0, 1), compute_uv=False)
-        return np.asarray(values[:, self.rank - 1], dtype=np.float64)
+        features, least = self.features.values(system.poses), system.smallest_of_all(self.rank)
+        return CorrectedNodes(coordinates, features, rates, along, length, least, system.determinant_sign)
 
     def corrected(self, solver: TreeSolver, rows: Array, singular: NDArray[np.bool_]) -> LinkPoses:
         """Return the poses of approximate rows corrected to rounding level; singular ones stay unchanged."""
+        return newton(
+            PerpendicularNodes(solver, self.rank, singular), self.unflat(rows), FINAL
+        ).linearised.poses
 
-        def solve(matrix: Array, right: Array) -> Array:
-            right = np.where(singular[:, None], 0.0, right)
-            right[:, self.rank :] = 0.0
-            return square_solution(regularised(matrix, singular), right)
-
-        return newton(solver, self.unflat(rows), FINAL, solve).linearised.poses
-
-    def nearest_singularity(
-        self, rows: Callable[[Array], Array], low: float, high: float
-    ) -> tuple[float, float, float]:
-        """Return the pose nearest to a branch point between two arcs.
+    def branch_point(
+        self, solver: TreeSolver, rows: Callable[[Array], Array], low: float, high: float, largest: float
+    ) -> float | None:
+        """Return the arc of the branch point between two arcs; None if there is none.
 
         Args:
+            solver: solves the poses between them.
             rows: arc (n,) -> flattened coordinates.
             low: arc at one end.
             high: arc at the other.
-
-        Returns:
-            The arc, the singular value that vanishes at a branch point, and the residual along its left
-            singular vector.
+            largest: maximum of the singular value that vanishes at a branch point.
         """
 
         def singularity(arcs: Array) -> Array:
-            return -self.singular_value(self.loops.linearise(self.unflat(rows(arcs)))[1])
+            return -solver.linearise(self.unflat(rows(arcs))).smallest_of_all(self.rank)
 
-        best, _ = peak(singularity, np.linspace(low, high, PEAK_POINTS))
+        best, negative = peak(singularity, np.linspace(low, high, PEAK_POINTS))
+        if not -negative < SINGULAR_RATIO * largest:
+            return None
         residual, jacobian, _ = self.loops.linearise(self.unflat(rows(np.array([best]))))
-        u, values, _ = np.linalg.svd(jacobian[:, self.loops.unknown, 0])
-        return best, float(values[self.rank - 1]), float(abs(u[:, self.rank - 1] @ residual[:, 0]))
+        u, _, _ = np.linalg.svd(jacobian[:, self.loops.unknown, 0])
+        return best if abs(u[:, self.rank - 1] @ residual[:, 0]) < MAX_RESIDUAL else None
 
 
 def free_loops(loops: TreeLoops, coordinates: Coordinates) -> FreeLoops:

@@ -74,9 +74,9 @@ SHORT_LENGTH, LOW_DEGREE = 1e-3, 3
 MAX_INTERPOLATION_ERROR, MAX_CORRECTOR_DISPLACEMENT = 3e-9, 2e-2
 # least cosine between the tangents at a segment's start and at any of its nodes
 MIN_COSINE = 0.5
-# arc length that nodes keep from a branch point; a branch point has a singular value below SINGULAR_RATIO of
-# the largest and a residual of at most MAX_RESIDUAL; it is searched for below SEARCH_RATIO of the largest
-MIN_DISTANCE_FROM_BRANCH_POINT, SINGULAR_RATIO, MAX_RESIDUAL, SEARCH_RATIO = 2e-3, 1e-7, 2e-13, 0.3
+# arc length that nodes keep from a branch point, which is searched for where the singular value that vanishes
+# there is below SEARCH_RATIO of the largest
+MIN_DISTANCE_FROM_BRANCH_POINT, SEARCH_RATIO = 2e-3, 0.3
 # residual of a coupling at states shifted by whole revolutions, in its unit, at which it repeats
 REPEATED = 1e-6
 # limit on the number of segments of a curve
@@ -127,6 +127,13 @@ class TracedCurve(Piecewise[CurveSegment]):
 
     length: float
     branch_points: tuple[float, ...]
+
+    @cached_property
+    def nodes(self) -> tuple[Array, Array]:
+        """Arcs of all nodes, (n,), and the features of their poses, (n, 3 k)."""
+        pairs = [(segment.nodes, segment.features.states) for segment in self.segments]
+        arcs, features = (np.concatenate(column) for column in zip(*pairs, strict=True))
+        return arcs, features
 
 
 def trace_curve(
@@ -181,7 +188,7 @@ def trace_curve(
         largest = max(largest, segment.largest_singular_value)
         start = loops.unflat(segment.states[-1:])
         require_return(loops.loops, initial, start)
-        solver = loops.solver(start, segment.tangent)
+        solver = loops.solver(start, segment.tangent, solver)
     raise AssemblyError(
         f"{loops.loops.tree.mechanism.name}: the curve has not returned to its start after an arc length of "
         f"{segments[-1].high:.4g} in {MAX_SEGMENTS:,} segments, the limit; gears repeat after as many "
@@ -269,15 +276,10 @@ def _branch_points(loops: FreeLoops, segment: CurveSegment, nodes: CorrectedNode
             and least[i] < SEARCH_RATIO * segment.largest_singular_value
         ):
             continue
-        arc, value, residual = loops.nearest_singularity(
-            segment.evaluate,
-            float(segment.nodes[before]),
-            float(segment.nodes[after]),
-        )
-        if (
-            value < SINGULAR_RATIO * segment.largest_singular_value
-            and residual < MAX_RESIDUAL
-            and not any(abs(arc - other) < MIN_DISTANCE_FROM_BRANCH_POINT for other in branch_points)
+        low, high = float(segment.nodes[before]), float(segment.nodes[after])
+        arc = loops.branch_point(segment.solver, segment.evaluate, low, high, segment.largest_singular_value)
+        if arc is not None and all(
+            abs(arc - other) >= MIN_DISTANCE_FROM_BRANCH_POINT for other in branch_points
         ):
             branch_points.append(arc)
     return branch_points

@@ -80,7 +80,7 @@ def other_assemblies(
     if candidates is not None:
         for first in range(0, len(candidates), TOGETHER):
             chosen = candidates[first : first + TOGETHER]
-            add(all_closed(loops, loops.read({name: _joined(chosen, name) for name in chosen[0]})))
+            add(all_closed(loops, loops.read(joined_poses(chosen))))
         return others, tuple(families)
     without_new = 0
     for seed in range(MAX_BATCHES):
@@ -93,11 +93,15 @@ def other_assemblies(
     return others, tuple(families)
 
 
-def _joined(poses: Sequence[Mapping[str, Pose]], link: str) -> Pose:
-    """Return n poses of a link together."""
-    return Pose(
-        np.stack([each[link].position for each in poses]), np.stack([each[link].rotation for each in poses])
-    )
+def joined_poses(poses: Sequence[Mapping[str, Pose]]) -> dict[str, Pose]:
+    """Return n poses of every link together."""
+    return {
+        link: Pose(
+            np.stack([each[link].position for each in poses]),
+            np.stack([each[link].rotation for each in poses]),
+        )
+        for link in poses[0]
+    }
 
 
 def _within(

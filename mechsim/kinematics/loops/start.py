@@ -1,8 +1,11 @@
 """Assembly in coordinates of the tree, from the guess or random starts, and messages for open loops."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,9 +19,12 @@ from mechsim.mechanism.link_poses import guessed_poses, initial_coordinates
 from mechsim.mechanism.links import GROUND, IDENTITY, VIRTUAL_PREFIX, Pose, vector
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.numerics.arrays import REVOLUTION, Array
-from mechsim.numerics.loop_solver import LoopSystem
-from mechsim.numerics.newton import NewtonSettings, newton, square_solution
+from mechsim.numerics.loop_solver import MIN_UNKNOWNS, LoopSystem
+from mechsim.numerics.newton import LinearEquations, NewtonSettings, newton, square_solution
 from mechsim.numerics.rank import least_norm, rank, right_vectors, significant
+
+if TYPE_CHECKING:
+    from mechsim.numerics.banded import NormalBand
 
 # largest residual of closed loops, in radians and characteristic lengths
 CLOSED = 1e-12
@@ -163,7 +169,7 @@ def random_poses(
     # rotation matrices, (balls, 3, 3, n), of quaternions (balls, 4, n) of any length
     unit = quaternions / np.sqrt((quaternions**2).sum(1, keepdims=True)) if quaternions.size else quaternions
     initial = Coordinates(values, from_quaternion(*unit.transpose(1, 0, 2)).transpose(2, 0, 1, 3))
-    chunk_size = max(1, int(CHUNK_BYTES / (8 * (loops.rows + tree.count + 1) * (tree.count + 1))))
+    chunk_size = max(1, int(CHUNK_BYTES / (8 * _damped_loops(_one_sense(loops), initial).numbers)))
     for first in range(0, count, chunk_size):
         indices = np.arange(first, min(first + chunk_size, count))
         yield int(indices[-1]) + 1, all_closed(loops, initial.select(indices))
@@ -185,26 +191,77 @@ def poses_around_branch_point(loops: TreeLoops, q: Coordinates) -> Coordinates:
 
 def all_closed(loops: TreeLoops, q: Coordinates) -> Coordinates:
     """Return configurations closed from approximate ones, without those that do not close."""
-    system = LoopSystem(loops, loops.unknown)
-    one_sense = replace(loops, cuts=tuple(replace(cut, one_sense=True) for cut in loops.cuts))
-    result = newton(LoopSystem(one_sense, loops.unknown), q, APPROACH, _damped)
-    nearly_closed = result.q.select(result.residual < NEARLY_CLOSED)
-    result = newton(
-        system, nearly_closed, POLISH, lambda matrix, right: least_norm(matrix, right, STEP_CUTOFF)
-    )
-    q = result.q.select(result.residual < CLOSED)
+    result = newton(_damped_loops(_one_sense(loops), q), q, APPROACH)
+    q = result.q.select(result.residual < NEARLY_CLOSED)
+    if len(q):
+        system = LoopSystem(loops, loops.unknown)
+        polished = newton(system, q, POLISH, lambda matrix, right: least_norm(matrix, right, STEP_CUTOFF))
+        q = polished.q.select(polished.residual < CLOSED)
     return q.select(axes_aligned(loops, q))
 
 
-def _damped(jacobian: Array, residual: Array) -> Array:
-    """Return damped Gauss-Newton steps, (n, count); the damping is proportional to the residual."""
-    transposed = jacobian.transpose(0, 2, 1)
-    square = transposed @ jacobian
-    # not lost in the rounding of the matrix
-    least = np.maximum(1e-13, 4.0 * np.finfo(np.float64).eps * np.trace(square, axis1=1, axis2=2))
-    damping = 0.1 * (residual**2).mean(1) + least
-    square += damping[:, None, None] * np.eye(square.shape[1])
-    return square_solution(square, (transposed @ residual[..., None])[..., 0])
+def _one_sense(loops: TreeLoops) -> TreeLoops:
+    """Return loops whose axes must not be antiparallel."""
+    return replace(loops, cuts=tuple(replace(cut, one_sense=True) for cut in loops.cuts))
+
+
+class DampedEquations(LinearEquations):
+    """Damped Gauss-Newton steps of n configurations, for `newton`."""
+
+    __slots__ = ()
+
+    def solution(self, right: Array, /) -> Array:
+        """Return the steps, (n, unknowns); the damping is proportional to the residual."""
+        transposed = self.matrix.transpose(0, 2, 1)
+        square = transposed @ self.matrix
+        added = _damping(right, np.trace(square, axis1=1, axis2=2))
+        square += added[:, None, None] * np.eye(square.shape[1])
+        return square_solution(square, (transposed @ right[..., None])[..., 0])
+
+
+def _damping(residual: Array, trace: Array) -> Array:
+    """Return the damping of residuals (n, rows), not lost in the rounding of matrices of a trace, (n,)."""
+    least = np.maximum(1e-13, 4.0 * np.finfo(np.float64).eps * trace)
+    return 0.1 * (residual**2).mean(1) + least
+
+
+@dataclass(frozen=True)
+class DampedLoops(LoopSystem[Coordinates]):
+    """All loop equations with damped Gauss-Newton steps; those of many unknowns in a band.
+
+    Attributes:
+        normal: order of their normal equations in a band; None if they are few.
+    """
+
+    loops: TreeLoops
+    normal: NormalBand | None
+
+    @property
+    def numbers(self) -> int:
+        """Count of the numbers of their derivatives or products."""
+        if self.normal is None:
+            return (self.loops.rows + self.loops.count + 1) * (self.loops.count + 1)
+        return self.normal.factors.shape[1]
+
+    def linearise(self, q: Coordinates, /) -> Any:
+        """Return the equations linearised about n configurations."""
+        if self.normal is None:
+            equations = super().linearise(q)
+            return DampedEquations(equations.rhs, equations.matrix)
+        from mechsim.numerics.banded import DampedBand
+
+        residual, derivatives, _ = self.loops.sparse(q)
+        return DampedBand(residual.T, derivatives, self.normal, _damping)
+
+
+def _damped_loops(loops: TreeLoops, q: Coordinates) -> DampedLoops:
+    """Return the damped equations of configurations."""
+    normal = None
+    if len(q) and len(loops.unknown) >= MIN_UNKNOWNS:
+        from mechsim.numerics.banded import normal_band
+
+        normal = normal_band(loops.sparse(q.select(np.array([0])))[1], loops.unknown)
+    return DampedLoops(loops, loops.unknown, normal)
 
 
 # distance from the stated values, in characteristic lengths and [rad], above which others are searched
@@ -404,7 +461,8 @@ def _poses_about_guess(mechanism: Mechanism) -> dict[str, Pose]:
     """
     framed = _with_guess_on_frame(mechanism)
     loops, initial = tree_loops(framed)
-    result = newton(LoopSystem(loops, loops.unknown), disturbed(loops, initial), APPROACH, _damped)
+    starts = disturbed(loops, initial)
+    result = newton(_damped_loops(loops, starts), starts, APPROACH)
     # the least disturbed start among those that close as well as any
     best = int(np.argmax(result.residual < NEARLY_CLOSED + result.residual.min()))
     poses = link_poses(loops.tree, result.q).by_link(loops.tree.links)
