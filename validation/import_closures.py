@@ -16,7 +16,7 @@ import structure
 GATES = {
     ("numerics.loop_solver", "numerics.banded"): "a hundred unknowns",
     ("kinematics.loops.constraints", "numerics.banded"): "a hundred unknowns",
-    ("kinematics.loops.start", "numerics.banded"): "a hundred unknowns",
+    ("kinematics.loops.start", "numerics.damped_band"): "a hundred unknowns",
     ("io.toml_reader", "io.toml_forces"): "forces in TOML",
     ("studies.validate", "studies.scene.own_settings"): "a MODEL in MJCF",
     ("io.scene_findings", "simulation.findings"): "a MODEL in MJCF",

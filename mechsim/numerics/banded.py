@@ -3,10 +3,9 @@
 A row of loops is solved in time proportional to its length, instead of its cube.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import product
 from typing import Any
 
 import numpy as np
@@ -270,71 +269,3 @@ class BandedSystems:
                     return 1.0 / np.sqrt(largest)
                 before = largest
         return np.asarray(np.linalg.svd(self.dense, compute_uv=False)[:, -1], dtype=np.float64)
-
-
-@dataclass(frozen=True)
-class NormalBand:
-    """Order in which the matrix A'A of a sparse matrix A is banded, and the products that form its entries.
-
-    Attributes:
-        band: the order.
-        factors: both entries of A in each product, in the order of the entries of A'A, (2, p).
-        first: first product of each entry of A'A, (k,).
-        diagonal: entries of A'A on its diagonal, (u,).
-        entries: entries of A in the order of its columns, (e,).
-        columns: first entry of each column, (u,).
-    """
-
-    band: Band
-    factors: NDArray[np.intp]
-    first: NDArray[np.intp]
-    diagonal: NDArray[np.intp]
-    entries: NDArray[np.intp]
-    columns: NDArray[np.intp]
-
-
-def normal_band(pattern: SparseMatrices, columns: NDArray[np.intp]) -> NormalBand | None:
-    """Return the order of A'A for selected columns of A; None for a wide band, or for a column of zeros."""
-    count, column_of = len(columns), np.full(pattern.shape[1], -1)
-    column_of[columns] = np.arange(count)
-    column = column_of[pattern.columns]
-    by_row: dict[int, list[int]] = {}
-    for entry in np.flatnonzero(column >= 0).tolist():
-        by_row.setdefault(int(pattern.rows[entry]), []).append(entry)
-    factors = np.array([pair for row in by_row.values() for pair in product(row, row)], dtype=np.intp).T
-    codes = count * column[factors[0]] + column[factors[1]]
-    order = np.argsort(codes, kind="stable")
-    square, first = np.unique(codes[order], return_index=True)
-    diagonal = np.searchsorted(square, (count + 1) * np.arange(count))
-    entries = np.argsort(column, kind="stable")[np.count_nonzero(column < 0) :]
-    used, starts = np.unique(column[entries], return_index=True)
-    every = np.arange(count)
-    shape = SparseMatrices(*np.divmod(square, count), np.empty((len(square), 0)), (count, count))
-    own = band(shape, every, every) if len(used) == count else None
-    return None if own is None else NormalBand(own, factors[:, order], first, diagonal, entries, starts)
-
-
-@dataclass(frozen=True)
-class DampedBand:
-    """Damped least-squares steps of sparse equations, for `numerics.newton`.
-
-    Attributes:
-        rhs: residuals, (n, m).
-        matrices: derivatives by all coordinates.
-        normal: the order of their normal equations.
-        damping: residuals (n, m) and traces of A'A, (n,) -> the damping, (n,).
-    """
-
-    rhs: Array
-    matrices: SparseMatrices
-    normal: NormalBand
-    damping: Callable[[Array, Array], Array]
-
-    def solution(self, right: Array) -> Array:
-        """Return x with (A'A + damping) x = A' right, (n, u)."""
-        normal, values = self.normal, self.matrices.values
-        square = np.add.reduceat(values[normal.factors[0]] * values[normal.factors[1]], normal.first)
-        square[normal.diagonal] += self.damping(right, square[normal.diagonal].sum(0))
-        terms = values[normal.entries] * right.T[self.matrices.rows[normal.entries]]
-        systems = BandedSystems(normal.band, square[normal.band.entries])
-        return systems.solution(np.ascontiguousarray(np.add.reduceat(terms, normal.columns).T))

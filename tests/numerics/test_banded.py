@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mechsim.numerics.banded import BandedSystems, DampedBand, SparseMatrices, band, normal_band
+from mechsim.numerics.banded import BandedSystems, SparseMatrices, band
+from mechsim.numerics.damped_band import DampedBand, normal_band
 from mechsim.numerics.rank import null_space, pivot_columns
 
 COUNT = 150

@@ -1,11 +1,9 @@
 """Assembly in coordinates of the tree, from the guess or random starts, and messages for open loops."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -20,11 +18,8 @@ from mechsim.mechanism.links import GROUND, IDENTITY, VIRTUAL_PREFIX, Pose, vect
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.numerics.arrays import REVOLUTION, Array
 from mechsim.numerics.loop_solver import MIN_UNKNOWNS, LoopSystem
-from mechsim.numerics.newton import LinearEquations, NewtonSettings, newton, square_solution
+from mechsim.numerics.newton import NewtonResult, NewtonSettings, newton, square_solution
 from mechsim.numerics.rank import least_norm, rank, right_vectors, significant
-
-if TYPE_CHECKING:
-    from mechsim.numerics.banded import NormalBand
 
 # largest residual of closed loops, in radians and characteristic lengths
 CLOSED = 1e-12
@@ -132,8 +127,8 @@ STEP_CUTOFF = 1e-7
 BRANCH_CUTOFF = 1e-6
 # range of random displacements of slides, in characteristic lengths to either side
 SLIDE_RANGE = 2.0
-# bytes of the Jacobians of random starts that are solved together
-CHUNK_BYTES = 4e6
+# bytes of the Jacobians of random starts that are solved together, and products for each row in a band
+CHUNK_BYTES, PRODUCTS = 4e6, 14
 # distance from a branch point at which its branches are searched, in [rad] or characteristic lengths, and
 # number of directions
 BRANCH_DISTANCE, DIRECTIONS = 0.05, 16
@@ -169,7 +164,8 @@ def random_poses(
     # rotation matrices, (balls, 3, 3, n), of quaternions (balls, 4, n) of any length
     unit = quaternions / np.sqrt((quaternions**2).sum(1, keepdims=True)) if quaternions.size else quaternions
     initial = Coordinates(values, from_quaternion(*unit.transpose(1, 0, 2)).transpose(2, 0, 1, 3))
-    chunk_size = max(1, int(CHUNK_BYTES / (8 * _damped_loops(_one_sense(loops), initial).numbers)))
+    width = tree.count + 1 if len(loops.unknown) < MIN_UNKNOWNS else PRODUCTS
+    chunk_size = max(1, int(CHUNK_BYTES / (8 * (loops.rows + tree.count + 1) * width)))
     for first in range(0, count, chunk_size):
         indices = np.arange(first, min(first + chunk_size, count))
         yield int(indices[-1]) + 1, all_closed(loops, initial.select(indices))
@@ -191,7 +187,8 @@ def poses_around_branch_point(loops: TreeLoops, q: Coordinates) -> Coordinates:
 
 def all_closed(loops: TreeLoops, q: Coordinates) -> Coordinates:
     """Return configurations closed from approximate ones, without those that do not close."""
-    result = newton(_damped_loops(_one_sense(loops), q), q, APPROACH)
+    one_sense = replace(loops, cuts=tuple(replace(cut, one_sense=True) for cut in loops.cuts))
+    result = _approached(one_sense, q)
     q = result.q.select(result.residual < NEARLY_CLOSED)
     if len(q):
         system = LoopSystem(loops, loops.unknown)
@@ -200,68 +197,30 @@ def all_closed(loops: TreeLoops, q: Coordinates) -> Coordinates:
     return q.select(axes_aligned(loops, q))
 
 
-def _one_sense(loops: TreeLoops) -> TreeLoops:
-    """Return loops whose axes must not be antiparallel."""
-    return replace(loops, cuts=tuple(replace(cut, one_sense=True) for cut in loops.cuts))
+def _approached(loops: TreeLoops, q: Coordinates) -> NewtonResult[Coordinates, Any]:
+    """Return configurations after damped Gauss-Newton steps; those of many unknowns are solved in a band."""
+    if len(q) and len(loops.unknown) >= MIN_UNKNOWNS:
+        from mechsim.numerics.damped_band import damped_loops
+
+        if (system := damped_loops(loops, q, _damping)) is not None:
+            return newton(system, q, APPROACH)
+    return newton(LoopSystem(loops, loops.unknown), q, APPROACH, _damped)
 
 
-class DampedEquations(LinearEquations):
-    """Damped Gauss-Newton steps of n configurations, for `newton`."""
-
-    __slots__ = ()
-
-    def solution(self, right: Array, /) -> Array:
-        """Return the steps, (n, unknowns); the damping is proportional to the residual."""
-        transposed = self.matrix.transpose(0, 2, 1)
-        square = transposed @ self.matrix
-        added = _damping(right, np.trace(square, axis1=1, axis2=2))
-        square += added[:, None, None] * np.eye(square.shape[1])
-        return square_solution(square, (transposed @ right[..., None])[..., 0])
+def _damped(jacobian: Array, residual: Array) -> Array:
+    """Return damped Gauss-Newton steps, (n, count)."""
+    transposed = jacobian.transpose(0, 2, 1)
+    square = transposed @ jacobian
+    added = _damping(residual, np.trace(square, axis1=1, axis2=2))
+    square += added[:, None, None] * np.eye(square.shape[1])
+    return square_solution(square, (transposed @ residual[..., None])[..., 0])
 
 
 def _damping(residual: Array, trace: Array) -> Array:
-    """Return the damping of residuals (n, rows), not lost in the rounding of matrices of a trace, (n,)."""
+    """Return the damping of matrices of a trace, (n,), which is proportional to the residual, (n, rows)."""
+    # not lost in the rounding of the matrix
     least = np.maximum(1e-13, 4.0 * np.finfo(np.float64).eps * trace)
     return 0.1 * (residual**2).mean(1) + least
-
-
-@dataclass(frozen=True)
-class DampedLoops(LoopSystem[Coordinates]):
-    """All loop equations with damped Gauss-Newton steps; those of many unknowns in a band.
-
-    Attributes:
-        normal: order of their normal equations in a band; None if they are few.
-    """
-
-    loops: TreeLoops
-    normal: NormalBand | None
-
-    @property
-    def numbers(self) -> int:
-        """Count of the numbers of their derivatives or products."""
-        if self.normal is None:
-            return (self.loops.rows + self.loops.count + 1) * (self.loops.count + 1)
-        return self.normal.factors.shape[1]
-
-    def linearise(self, q: Coordinates, /) -> Any:
-        """Return the equations linearised about n configurations."""
-        if self.normal is None:
-            equations = super().linearise(q)
-            return DampedEquations(equations.rhs, equations.matrix)
-        from mechsim.numerics.banded import DampedBand
-
-        residual, derivatives, _ = self.loops.sparse(q)
-        return DampedBand(residual.T, derivatives, self.normal, _damping)
-
-
-def _damped_loops(loops: TreeLoops, q: Coordinates) -> DampedLoops:
-    """Return the damped equations of configurations."""
-    normal = None
-    if len(q) and len(loops.unknown) >= MIN_UNKNOWNS:
-        from mechsim.numerics.banded import normal_band
-
-        normal = normal_band(loops.sparse(q.select(np.array([0])))[1], loops.unknown)
-    return DampedLoops(loops, loops.unknown, normal)
 
 
 # distance from the stated values, in characteristic lengths and [rad], above which others are searched
@@ -461,8 +420,7 @@ def _poses_about_guess(mechanism: Mechanism) -> dict[str, Pose]:
     """
     framed = _with_guess_on_frame(mechanism)
     loops, initial = tree_loops(framed)
-    starts = disturbed(loops, initial)
-    result = newton(_damped_loops(loops, starts), starts, APPROACH)
+    result = _approached(loops, disturbed(loops, initial))
     # the least disturbed start among those that close as well as any
     best = int(np.argmax(result.residual < NEARLY_CLOSED + result.residual.min()))
     poses = link_poses(loops.tree, result.q).by_link(loops.tree.links)
