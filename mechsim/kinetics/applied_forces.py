@@ -15,7 +15,7 @@ from mechsim.errors import InputError
 from mechsim.kinematics.vector_method.rotations import dot, rotation_vector
 from mechsim.kinetics.model import DynamicModel
 from mechsim.kinetics.unit_motion import UnitMotion
-from mechsim.mechanism.forces import Friction, Location, Spring
+from mechsim.mechanism.forces import Friction, Location
 from mechsim.mechanism.joint_kinds import COLUMN, KINDS
 from mechsim.mechanism.joints import Joint, joint_coordinate
 from mechsim.mechanism.links import IDENTITY
@@ -51,7 +51,8 @@ def joint_rates(unit: UnitMotion, joint: Joint) -> list[Array]:
     if kind.ball:
         return [*slide_rates, np.sqrt(dot(spin, spin))]
     if kind.crossed:
-        return [*slide_rates, *_axis_rates(unit.axis(joint, "a"), unit.axis(joint, "b"), spin)]
+        axes = unit.axis(joint, "a"), unit.axis(joint, "b")
+        return [*slide_rates, *_components(*axes, *(dot(axis, spin) for axis in axes))]
     return [*slide_rates, dot(unit.axis(joint), spin)] if kind.turns else slide_rates
 
 
@@ -62,21 +63,12 @@ def add_friction(unit: UnitMotion, damping: Array, coulomb: Array, friction: Fri
         The nonzero Coulomb frictions; a spherical joint's rate is the magnitude of its relative spin.
     """
     joint = unit.mechanism.joint(friction.joint)
-    kind = KINDS[joint.kind]
-    viscous: list[Array] = []
-    frictions: list[Dry] = []
-    rates = joint_rates(unit, joint)
-    for i, ((damper, magnitude), rate) in enumerate(zip(friction.sizes(kind), rates, strict=False)):
-        viscous.append(-damper * rate)
-        frictions.append(dry_friction(unit, joint, rates, i, magnitude))
+    rates, sizes = joint_rates(unit, joint), friction.sizes(KINDS[joint.kind])
+    viscous = [-damper * rate for (damper, _), rate in zip(sizes, rates, strict=True)]
+    dry = [dry_friction(unit, joint, rates, i, magnitude) for i, (_, magnitude) in enumerate(sizes)]
     add_joint_forces(unit, damping, joint, viscous)
-    add_joint_forces(
-        unit,
-        coulomb,
-        joint,
-        [-friction_force.magnitude * friction_force.direction for friction_force in frictions],
-    )
-    return [friction_force for friction_force in frictions if friction_force.magnitude]
+    add_joint_forces(unit, coulomb, joint, [-each.magnitude * each.direction for each in dry])
+    return [each for each in dry if each.magnitude]
 
 
 def dry_friction(
@@ -100,17 +92,26 @@ def add_joint_forces(unit: UnitMotion, stack: Array, joint: Joint, forces: Seque
         add_force(unit, stack, joint.b.link, point, force)
         add_force(unit, stack, joint.a.link, point, -force)
     torques = forces[len(kind.slides) :]
+    if not torques:
+        return
     if kind.ball:
         spin = _spin(unit, joint)
         speed = np.sqrt(dot(spin, spin))
-        add_couple(
-            unit, stack, joint, torques[0][:, None] * spin / np.where(speed != 0.0, speed, 1.0)[:, None]
-        )
+        couple = torques[0][:, None] * spin / np.where(speed != 0.0, speed, 1.0)[:, None]
+        add_couple(unit, stack, joint, couple)
     elif kind.crossed:
-        axes = unit.axis(joint, "a"), unit.axis(joint, "b")
-        add_couple(unit, stack, joint, _about(*axes, *torques))
+        first, second = unit.axis(joint, "a"), unit.axis(joint, "b")
+        x, y = _components(first, second, *torques)
+        add_couple(unit, stack, joint, x[:, None] * first + y[:, None] * second)
     elif kind.turns:
         add_couple(unit, stack, joint, torques[0][:, None] * unit.axis(joint))
+
+
+def add_joint_force(unit: UnitMotion, stack: Array, joint: Joint, index: int, force: Array) -> None:
+    """Add a force or torque (n,) along one of a joint's coordinates, as `add_joint_forces` adds all."""
+    kind = KINDS[joint.kind]
+    count = len(kind.slides) + (1 if kind.ball else len(kind.turns))
+    add_joint_forces(unit, stack, joint, [force * (i == index) for i in range(count)])
 
 
 def add_force(unit: UnitMotion, stack: Array, link: str, point: Array, force: Array) -> None:
@@ -139,22 +140,13 @@ def _spin(unit: UnitMotion, joint: Joint) -> Array:
     return unit.spin(joint.b.link) - unit.spin(joint.a.link)
 
 
-def _axis_rates(first: Array, second: Array, spin: Array) -> tuple[Array, Array]:
-    """Return p and q in spin = p first + q second, (n,) each."""
-    c, p, q = dot(first, second), dot(first, spin), dot(second, spin)
+def _components(first: Array, second: Array, p: Array, q: Array) -> tuple[Array, Array]:
+    """Return x and y of the vector x first + y second that has the products p and q with two axes."""
+    c = dot(first, second)
     s2 = 1.0 - c**2
     return (p - c * q) / s2, (q - c * p) / s2
 
 
-def _about(first: Array, second: Array, p: Array, q: Array) -> Array:
-    """Return the couple in the plane of two axes that does the work of torques p and q about them."""
-    c = dot(first, second)
-    s2 = 1.0 - c**2
-    x, y = (p - c * q) / s2, (q - c * p) / s2
-    return x[:, None] * first + y[:, None] * second
-
-
-Stack = NDArray[np.float64]
 Ends = tuple[Location, Location]
 
 
@@ -190,18 +182,20 @@ def applied(model: DynamicModel, unit: UnitMotion) -> Applied:
     Raises:
         InputError: for forces that do work on an undetermined spin of a link.
     """
-    forces, nothing = model.forces, np.zeros_like(unit.twist)
+    forces = model.forces
     weight = unit.masses[:, None] * np.asarray(forces.gravity)
     weight = np.broadcast_to(weight, unit.centres.shape)
     gravity = np.concatenate([weight, cross(unit.centres, weight)], -1)
     heights = (unit.position + unit.centres) @ np.asarray(forces.gravity)
     energy = -(heights * unit.masses).sum(-1)
-    springs, damping, coulomb = nothing.copy(), nothing.copy(), nothing.copy()
+    springs, damping, coulomb = (np.zeros_like(unit.twist) for _ in range(3))
     for spring in forces.springs:
-        tension, damper, stored = _spring(unit, spring)
-        add_tension(unit, springs, (spring.a, spring.b), tension)
-        add_tension(unit, damping, (spring.a, spring.b), damper)
-        energy = energy + stored
+        ends = spring.a, spring.b
+        length, rate = distance_and_rate(unit, ends)
+        stretch = length - spring.rest
+        add_tension(unit, springs, ends, spring.stiffness * stretch)
+        add_tension(unit, damping, ends, spring.damping * rate)
+        energy = energy + 0.5 * spring.stiffness * stretch**2
     for spring in forces.joint_springs:
         joint = unit.mechanism.joint(spring.joint)
         stretch = _joint_values(unit, joint)[..., 0] - spring.rest
@@ -290,11 +284,8 @@ def length_and_rate(unit: UnitMotion, spring: NonlinearSpring) -> tuple[Array, A
     continuous = unit.coordinates.get(spring.ends)
     if continuous is not None:
         # dimensions may have complex steps that continuous values lack
-        value = (
-            continuous + 1j * np.imag(value)
-            if np.iscomplexobj(value) and np.isrealobj(continuous)
-            else continuous
-        )
+        stepped = np.iscomplexobj(value) and np.isrealobj(continuous)
+        value = continuous + 1j * np.imag(value) if stepped else continuous
     elif KINDS[joint.kind].units[k] == "rad":
         # of the angles that differ by revolutions, the one next to the stop
         value = spring.law.reference + wrapped(value - spring.law.reference)
@@ -305,8 +296,7 @@ def _add_along(unit: UnitMotion, stack: Array, spring: NonlinearSpring, tension:
     """Add the forces of a tension (n,) to a stack of wrenches."""
     if not isinstance(spring.ends, str):
         return add_tension(unit, stack, spring.ends, tension)
-    joint, k = unit.mechanism.joint_with(spring.ends)
-    return add_joint_forces(unit, stack, joint, [-tension * (i == k) for i in range(KINDS[joint.kind].dof)])
+    return add_joint_force(unit, stack, *unit.mechanism.joint_with(spring.ends), -tension)
 
 
 def _joint_values(unit: UnitMotion, joint: Joint) -> Array:
@@ -334,13 +324,6 @@ def require_idle(unit: UnitMotion, wrenches: Array, what: str) -> None:
             f"{unit.mechanism.name}: {what} acts about the axis of a passive rotation, which no "
             "joint resists; keep it on the link's line, or give the link a guide"
         )
-
-
-def _spring(unit: UnitMotion, spring: Spring) -> tuple[Array, Array, Array]:
-    """Return the spring's tension, its damper's tension at unit crank speed, and its energy, (n,) each."""
-    line, length, rate = _line(unit, (spring.a, spring.b))
-    stretch = length - spring.rest
-    return spring.stiffness * stretch, spring.damping * dot(line, rate), 0.5 * spring.stiffness * stretch**2
 
 
 def _add_bushing(unit: UnitMotion, springs: Array, damping: Array, bushing: Bushing) -> Array:
@@ -385,7 +368,7 @@ def _line(unit: UnitMotion, ends: Ends) -> tuple[Array, Array, Array]:
     return gap / safe[:, None], length, rate_b - rate_a
 
 
-def add_tension(unit: UnitMotion, stack: Stack, ends: Ends, tension: Array) -> None:
+def add_tension(unit: UnitMotion, stack: Array, ends: Ends, tension: Array) -> None:
     """Add the forces of a tension (n,) between two points to a stack of wrenches."""
     line, _, _ = _line(unit, ends)
     for location, sign in zip(ends, (1.0, -1.0), strict=True):

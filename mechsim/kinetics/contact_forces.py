@@ -19,7 +19,6 @@ from mechsim.kinematics.loops.record import link_or_ground_motion
 from mechsim.kinetics.model import DynamicModel
 from mechsim.kinetics.prescribed_motion import prescribed_along
 from mechsim.mechanism.cams import Cam
-from mechsim.mechanism.contacts import Contact
 from mechsim.mechanism.joints import Coupling
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.newton import root
@@ -63,37 +62,32 @@ class ContactForce:
 
     def sentence(self, name: str) -> str:
         """Return in words whether the contact stays closed, or the rope taut."""
+        instants = ", ".join(f"{time:.10g}" for time in self.changes)
+        interval = f"{self.least:.6g} to {self.largest:.6g}"
+        reached = f"would reach {self.least:.6g} N at {self.least_at:.6g} s"
         if self.rope:
             if self.least >= 0.0:
-                return f"{name}: the rope is taut, under {self.least:.6g} to {self.largest:.6g} N"
-            instants = ", ".join(f"{time:.10g}" for time in self.changes) or "no instant"
-            return (
-                f"{name}: the rope goes slack: its tension changes sign at {instants} s and would reach "
-                f"{self.least:.6g} N at {self.least_at:.6g} s"
-            )
+                return f"{name}: the rope is taut, under {interval} N"
+            instants = instants or "no instant"
+            return f"{name}: the rope goes slack: its tension changes sign at {instants} s and {reached}"
         if self.backlash:
-            instants = ", ".join(f"{time:.10g}" for time in self.changes)
-            changes = (
+            flank = (
                 f"at {instants} s the other flank carries" if instants else "one flank carries all the time"
             )
             return (
-                f"{name}: {changes}, under {self.least:.6g} to {self.largest:.6g} N m or N; a change moves "
-                f"the driven side by {self.backlash:.6g} rad or m"
+                f"{name}: {flank}, under {interval} N m or N; a change moves the driven side by "
+                f"{self.backlash:.6g} rad or m"
             )
         if not self.changes:
             if self.one_sided and self.least < 0.0:
                 return f"{name}: the contact would have to pull, up to {-self.least:.6g} N, all the time"
-            return f"{name}: the contact pushes with {self.least:.6g} to {self.largest:.6g} N"
-        instants = ", ".join(f"{time:.10g}" for time in self.changes)
+            return f"{name}: the contact pushes with {interval} N"
         if not self.one_sided:
             return f"{name}: the other flank carries from {instants} s on, up to {-self.least:.6g} N"
         more = ""
         if self.preload is not None:
             more = f"; {self.preload:.6g} N or N m more on the follower towards the cam prevent it"
-        return (
-            f"{name}: the contact lifts off: its force changes sign at {instants} s and would reach "
-            f"{self.least:.6g} N at {self.least_at:.6g} s{more}"
-        )
+        return f"{name}: the contact lifts off: its force changes sign at {instants} s and {reached}{more}"
 
 
 def contact_forces(model: DynamicModel, state: State, times: Array) -> dict[str, ContactForce]:
@@ -115,18 +109,24 @@ def _contact_force(
     model: DynamicModel, state: State, times: Array, name: str, label: str, law: Coupling | None
 ) -> ContactForce:
     """Return the force of a contact by its name, or of a coupling by the label of its law."""
-    contact = model.mechanism.contacts.get(name)
+    contact, rope = model.mechanism.contacts.get(name), law is not None and law.rope
 
     def force(instants: Array) -> tuple[Array, Array | None]:
-        if contact is not None:
-            return _normal_force(model, state, instants, contact)
+        """Return the force, (n,) in [N] or [N m], and at a cam its lever, (n,) in [1] or [m]."""
         parameter, rate, second = state(instants)
-        # the multiplier of the left side; tension shortens that of a rope
         forces = prescribed_along(model, parameter, rate, second, time=instants).forces
-        multiplier = forces.gears[label]
-        driving = np.abs([forces.torque, *forces.drives.values()]).max()
-        multiplier = np.where(np.abs(multiplier) <= ROUNDING * driving, 0.0, multiplier)
-        return (-multiplier if law is not None and law.rope else multiplier), None
+        if contact is None:
+            # the multiplier of the left side; tension shortens that of a rope
+            multiplier = forces.gears[label]
+            driving = np.abs([forces.torque, *forces.drives.values()]).max()
+            multiplier = np.where(np.abs(multiplier) <= ROUNDING * driving, 0.0, multiplier)
+            return (-multiplier if rope else multiplier), None
+        motion = model.solver.whole_motion(parameter)
+        values = motion.joints[contact.coordinate].value
+        carrier = link_or_ground_motion(contact.frame, motion.links)
+        directions = (carrier.rotation @ contact.normals(values)[..., None])[..., 0]
+        levers = contact.shape.lever(values) if isinstance(contact.shape, Cam) else None
+        return (forces.reactions[contact.force_joint].force * directions).sum(-1), levers
 
     def preload(instants: Array) -> Array:
         value, levers = force(instants)
@@ -152,7 +152,7 @@ def _contact_force(
     largest_at, largest = peak(lambda instants: force(instants)[0], samples)
     return ContactForce(
         one_sided=contact is None or contact.one_sided,
-        rope=law is not None and law.rope,
+        rope=rope,
         backlash=0.0 if law is None else law.backlash,
         least=-least,
         least_at=least_at,
@@ -161,19 +161,3 @@ def _contact_force(
         changes=tuple(changes),
         preload=None if levers is None else max(0.0, peak(preload, samples)[1]),
     )
-
-
-def _normal_force(
-    model: DynamicModel, state: State, times: Array, contact: Contact
-) -> tuple[Array, Array | None]:
-    """Return the normal force, (n,) in [N], and at a cam its lever, (n,) in [1] or [m]."""
-    parameter, rate, second = state(times)
-    motion = model.solver.whole_motion(parameter)
-    values = motion.joints[contact.coordinate].value
-    normals = contact.normals(values)
-    study = prescribed_along(model, parameter, rate, second, time=times)
-    reaction = study.forces.reactions[contact.force_joint].force
-    carrier = link_or_ground_motion(contact.frame, motion.links)
-    directions = (carrier.rotation @ normals[..., None])[..., 0]
-    levers = contact.shape.lever(values) if isinstance(contact.shape, Cam) else None
-    return (reaction * directions).sum(-1), levers

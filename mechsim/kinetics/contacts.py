@@ -18,10 +18,10 @@ import numpy as np
 from mechsim.errors import FrictionError, MechsimError
 from mechsim.kinetics.equations_of_motion import Dynamics, EquationsOfMotion, Kinematics
 from mechsim.kinetics.gaps import gap_limits, gaps_of
-from mechsim.kinetics.link_forces import constrained_acceleration
+from mechsim.kinetics.link_forces import constrained_acceleration, responses
 from mechsim.mechanism.joint_friction import Friction
 from mechsim.mechanism.joint_kinds import KINDS
-from mechsim.mechanism.nonlinear_springs import NonlinearSpring, Phases, SpringLaw, phases_of
+from mechsim.mechanism.nonlinear_springs import Phases, SpringLaw, phases_of
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.complementarity import complementary, least_in_box
 from mechsim.numerics.newton import root
@@ -142,10 +142,6 @@ class Contacts:
 
     def end_functions(self, mode: ContactMode) -> list[EventFunction]:
         """Return functions of which a row crosses zero downwards where a contact mode ends."""
-
-        def dynamics(state: Kinematics, times: Array) -> Dynamics:
-            return self.accelerate(state, times, mode)
-
         functions: list[EventFunction] = []
         moving = np.flatnonzero(mode.sliding)
         if len(moving):
@@ -158,9 +154,7 @@ class Contacts:
             # positive for a balance to rounding
             functions.append(lambda state, times: 1.0 + BALANCED - self._friction_load(state, times, mode))
         if mode.contacts:
-            functions.append(
-                lambda state, times: self._pressing(dynamics(state, times), mode) + mode.adhesion[:, None]
-            )
+            functions.append(lambda state, times: self._pressing(state, times, mode) + mode.adhesion[:, None])
         for k, phase in enumerate(mode.phases):
             functions.append(lambda state, _, k=k, phase=phase: self._phase_left(state, k, phase) + OPEN_GAP)
         return functions
@@ -213,24 +207,19 @@ class Contacts:
 
     def _phase_left(self, state: Kinematics, k: int, phase: float) -> Array:
         """Return what is left of the phase of a nonlinear spring, in units, (n,)."""
-        spring = self.equations.model.forces.nonlinear_springs[k]
-        lengths, rates = self.equations.spring_lengths(state)
-        return spring.law.remaining(phase, lengths[k], rates[k]) / self._unit_of(spring)
-
-    def _unit_of(self, spring: NonlinearSpring) -> float:
-        """Return the unit of a spring's length: a characteristic length, or 1 rad."""
-        mechanism = self.equations.model.mechanism
+        spring, mechanism = self.equations.model.forces.nonlinear_springs[k], self.equations.model.mechanism
         turning = isinstance(spring.ends, str) and mechanism.unit(spring.ends) == "rad"
-        return 1.0 if turning else mechanism.characteristic_length
+        lengths, rates = self.equations.spring_lengths(state)
+        remaining = spring.law.remaining(phase, lengths[k], rates[k])
+        return remaining / (1.0 if turning else mechanism.characteristic_length)
 
     def beyond_tables(self, state: Kinematics) -> str:
         """Return which spring of one state is beyond its table, in words; empty for none."""
         springs = self.equations.model.forces.nonlinear_springs
         if not any(isinstance(spring.law, SpringLaw) and spring.law.table for spring in springs):
             return ""
-        lengths, rates = self.equations.spring_lengths(state)
-        texts = (spring.law.beyond(lengths[k], rates[k]) for k, spring in enumerate(springs))
-        return next((text for text in texts if text), "")
+        rows = zip(springs, *self.equations.spring_lengths(state), strict=True)
+        return next((text for spring, length, rate in rows if (text := spring.law.beyond(length, rate))), "")
 
     def phases(self, state: Kinematics, before: Phases = ()) -> Phases:
         """Return the phases of the nonlinear springs in one state, after other phases."""
@@ -238,16 +227,17 @@ class Contacts:
         lengths, rates = (values[:, 0] for values in self.equations.spring_lengths(state))
         return phases_of(springs, lengths, rates, before)
 
-    def _pressing(self, dynamics: Dynamics, mode: ContactMode) -> Array:
+    def _pressing(self, state: Kinematics, times: Array, mode: ContactMode) -> Array:
         """Return the forces of the stops in contact, (contacts, n); negative for a tensile force."""
-        return -self._sides(mode.contacts)[:, None] * dynamics.contact
+        return -self._sides(mode.contacts)[:, None] * self.accelerate(state, times, mode).contact
 
     def _sides(self, stops: Sequence[int]) -> Array:
         return np.array([self.stops[i].side for i in stops])
 
-    def _rows(self, indices: Sequence[int]) -> Array:
-        """Return the rows (k, free) of coordinates by their indices in the tree."""
-        return np.eye(self.equations.loops.tree.count)[list(indices)][:, self.equations.free]
+    def _rows(self, stops: Sequence[int]) -> Array:
+        """Return the rows (k, free) of the coordinates of stops."""
+        indices = [self.stops[i].index for i in stops]
+        return np.eye(self.equations.loops.tree.count)[indices][:, self.equations.free]
 
     def gaps(self, values: Array) -> Array:
         """Return the gaps of the stops, (stops, n), at coordinates in units, (count, n)."""
@@ -280,12 +270,11 @@ class Contacts:
         closed, rates, still = self._closed(state), state.rates, NO_APPROACH * fastest
         if not (self.gap_rates(rates)[closed] < -still).any():
             return rates
-        own, mass = [self.stops[i].restitution for i in closed], state.mass
+        own = [self.stops[i].restitution for i in closed]
         restitutions = np.array([self.restitution if value is None else value for value in own])
-        falling = self.equations.accelerate(
-            state, np.array([time]), mode.sliding, phases=mode.phases
-        ).acceleration
-        slowest = max(SOFT_IMPACT * fastest, float(np.sqrt(2.0 * np.abs(falling).max() * REBOUND * OPEN_GAP)))
+        unheld = replace(mode, stuck=[], contacts=[])
+        falling = np.abs(self.accelerate(state, np.array([time]), unheld).acceleration).max()
+        slowest = max(SOFT_IMPACT * fastest, float(np.sqrt(2.0 * falling * REBOUND * OPEN_GAP)))
         for number in range(MAX_IMPACTS):
             before = self.gap_rates(rates)[closed, 0]
             if not (before < -still).any():
@@ -295,11 +284,10 @@ class Contacts:
             last = number == MAX_IMPACTS - 1
             taking_part = np.flatnonzero((before <= still) | last)
             stops, target = [closed[i] for i in taking_part], rebound[taking_part] * (not last)
-            pressed = self._pressed(mass, state.jacobian, stops, before[taking_part] - target, still)
-            hit = np.array([k for k, i in enumerate(stops) if i in pressed], dtype=np.intp)
-            struck = [stops[k] for k in hit]
-            rows = self._rows([self.stops[i].index for i in struck])
-            rates = self._after_impulses(state, rates, rows, -self._sides(struck) * target[hit])
+            opening = before[taking_part] - target
+            pressed = self._pressed(state.mass, state.jacobian, stops, opening, still)
+            struck = -self._sides(pressed) * target[np.isin(stops, pressed)]
+            rates = self._after_impulses(state, rates, self._rows(pressed), struck)
         return rates
 
     def _after_impulses(self, state: Kinematics, rates: Array, rows: Array, target: Array) -> Array:
@@ -328,12 +316,8 @@ class Contacts:
         Raises:
             JammedError: if no forces of the stops prevent it.
         """
-        indices = [self.stops[i].index for i in stops]
-        sides = self._sides(stops)
-        units = self._rows(indices)
-        count = len(stops)
-        repeated, loops = np.repeat(mass, count, 0), np.repeat(rows, count, 0)
-        moved, _ = constrained_acceleration(repeated, units, loops, np.zeros((count, rows.shape[1])))
+        sides, units = self._sides(stops), self._rows(stops)
+        moved = responses(mass, units[:, None], rows)[0][:, 0]
         effects, least = units @ moved.T, 1.0 / float(np.trace(mass[0]))
         mobile = np.diag(effects) > IMMOBILE * least
         sizes = np.sqrt(np.where(mobile, np.diag(effects), least))
@@ -345,7 +329,7 @@ class Contacts:
         names = {index: name for name, index in self.equations.loops.tree.index_of.items()}
         raise JammedError(
             f"{self.equations.model.mechanism.name}: prescribed motion drives "
-            f"{', '.join(names[i] for i in indices)} beyond a stop"
+            f"{', '.join(names[self.stops[i].index] for i in stops)} beyond a stop"
         )
 
     def rates_at_rest(self, state: Kinematics, fastest: float) -> Array:
@@ -421,7 +405,7 @@ class Contacts:
         rounding = BALANCED * float(np.abs(apart.acceleration).max(initial=friction))
         opening = self.gap_rates(apart.acceleration)[resting, 0]
         touching = replace(mode, contacts=self._pressed(mass, apart.rows, resting, opening, 0.5 * rounding))
-        forces = self._pressing(self.accelerate(state, times, touching), touching)[:, 0]
+        forces = self._pressing(state, times, touching)[:, 0]
         adhesion = rounding * float(np.trace(mass[0])) + 2.0 * np.maximum(-forces, 0.0)
         return replace(touching, adhesion=adhesion)
 
@@ -436,9 +420,7 @@ class Contacts:
         free = self.accelerate(state, times, replace(mode, stuck=[]))
         limits = free.limits[stuck, 0]
         unit = equations.friction_directions(state)[stuck, 0] * limits[:, None]
-        count, mass = len(stuck), state.mass
-        repeated, loops = np.repeat(mass, count, 0), np.repeat(free.rows, count, 0)
-        moved, _ = constrained_acceleration(repeated, unit, loops, np.zeros((count, free.rows.shape[1])))
+        moved = responses(state.mass, unit[:, None], free.rows)[0][:, 0]
         changes = limits * equations.friction_accelerations(state, free.acceleration)[stuck, 0]
         effects = unit @ moved.T
         changes = changes + effects @ least_in_box(effects, changes)
@@ -564,28 +546,14 @@ def gap_indices(equations: EquationsOfMotion) -> dict[int, str]:
     return {equations.loops.tree.index_of[name]: name for name in gaps_of(equations.model.mechanism)}
 
 
-def gap_stops(equations: EquationsOfMotion) -> list[Stop]:
-    """Return the stops at which gaps are closed."""
-    tree, units = equations.loops.tree, equations.loops.units
-    own = equations.model.solver.restitution
-    return [
-        Stop(index := tree.index_of[name], limit / units[index], side, own.get(name))
-        for name, limits in gap_limits(equations.model.mechanism).items()
+def stops_of(equations: EquationsOfMotion) -> tuple[Stop, ...]:
+    """Return the stops of closed gaps, and of joints with a range, if the tree has their coordinate."""
+    solver, index_of = equations.model.solver, equations.loops.tree.index_of
+    rows = [*gap_limits(equations.model.mechanism).items(), *solver.ranges.items()]
+    return tuple(
+        Stop(index, limit / equations.loops.units[index], side, solver.restitution.get(name))
+        for name, limits in rows
+        if (index := index_of.get(name)) is not None and index in equations.free
         for limit, side in zip(limits, (-1.0, 1.0), strict=True)
         if abs(limit) < np.inf
-    ]
-
-
-def stops_of(equations: EquationsOfMotion) -> tuple[Stop, ...]:
-    """Return the stops of joints with a range, if the tree has their coordinate, and of closed gaps."""
-    solver = equations.model.solver
-    stops = gap_stops(equations)
-    for name, limits in solver.ranges.items():
-        index = equations.loops.tree.index_of.get(name)
-        if index is None or index not in equations.free:
-            continue
-        for limit, side in zip(limits, (-1.0, 1.0), strict=True):
-            if abs(limit) < np.inf:
-                own = solver.restitution.get(name)
-                stops.append(Stop(index, limit / equations.loops.units[index], side, own))
-    return tuple(stops)
+    )

@@ -56,6 +56,8 @@ SMALL, DISPLACEMENTS, ROUNDINGS = 0.1, (10, 400), 3.0
 # smallest singular value of the loop constraints at the start, relative to their norm: at a change point,
 # loops close to 1e-7 only, and accelerations have no significant digits
 SINGULAR_START = 1e-6
+# columns of a run that are energies
+ENERGIES = ("kinetic", "potential", "work", "lost")
 # difference from the value of an event, in SI, at which it holds: rounding of closed loops
 EVENT_ROUNDING = 1e-12
 
@@ -146,10 +148,8 @@ class DynamicRun:
     def columns(self) -> Iterator[tuple[str, Array]]:
         """Yield the motion's columns, kinetic, potential, work and lost in [J], and drive forces."""
         yield from self.motion.columns()
-        for name in ("kinetic", "potential", "work", "lost"):
-            yield name, getattr(self, name)
-        for name, effort in self.driving.items():
-            yield f"drive {name}", effort
+        yield from ((name, getattr(self, name)) for name in ENERGIES)
+        yield from ((f"drive {name}", effort) for name, effort in self.driving.items())
 
     @property
     def energy_error(self) -> float:
@@ -225,12 +225,12 @@ def run(
     budget = (BUDGET if turns is None else TURNS_BUDGET) if budget is None else budget
     require_settings(end, samples, tolerance, restitution, budget)
     laws = _prescribed_laws(model, prescribed)
-    ranges = getattr(model.solver, "ranges", {})
+    ranges = model.solver.ranges
     names = {*values.coordinates, *values.rates, *ranges, *gaps_of(model.mechanism)}
     event = None if until is None else parse_event(model.mechanism, until, model.solver.written)
     if event is not None:
         names.update(event.quantity.subjects("joint"))
-    equations = equations_of_motion(model, dict.fromkeys(names, 0.0), laws)
+    equations = equations_of_motion(model, names, laws)
     q, rates = initial_state(equations, values)
     start = equations.kinematics(q, rates)
     require_regular(start)
@@ -247,32 +247,27 @@ def run(
         assert end is not None
         return integration.run(end) if event is None else _run_until(integration, end, event, until)
 
-    trajectory, layout = integrated(1.0), StateLayout(equations)
-    displacement = _displacement(trajectory, layout, tolerance)
+    trajectory = integrated(1.0)
+    displacement = _displacement(trajectory, StateLayout(equations).positions, tolerance)
     if displacement < SMALL:
         # errors are relative to the motion, whose size is known now
         trajectory = integrated(displacement)
-
-    def coordinates_at(times: Array) -> Coordinates:
-        return layout.unpack_states(_states_at(trajectory.pieces, times)[1])[0]
-
-    singular = singular_passages(equations, coordinates_at, trajectory) if trajectory.pieces else ()
     result = run_at(equations, trajectory, np.linspace(0.0, trajectory.end, samples + 1))
-    result = replace(result, singular=singular)
     return result if result.outcome == "failed" else with_ranges_checked(result, model.mechanism, ranges)
 
 
-def _displacement(trajectory: Trajectory, layout: StateLayout, tolerance: float) -> float:
+def _displacement(trajectory: Trajectory, count: int, tolerance: float) -> float:
     """Return the largest displacement in a run, in units, or more: one whose tolerance is above rounding.
 
-    Runs without any displacement, or that failed, have that of `Integration`.
+    The first `count` components of a state are positions. Runs without any displacement, or that failed, have
+    that of `Integration`.
     """
     if trajectory.outcome != "done":
         return 1.0
     largest, positions = 0.0, np.empty(0)
-    for count in DISPLACEMENTS:
-        states = _states_at(trajectory.pieces, np.linspace(0.0, trajectory.end, count))[1]
-        positions = states[:, : layout.positions]
+    for instants in DISPLACEMENTS:
+        states = _states_at(trajectory.pieces, np.linspace(0.0, trajectory.end, instants))[1]
+        positions = states[:, :count]
         largest = float(np.abs(positions - positions[0]).max())
         if largest >= SMALL:
             return largest
@@ -333,6 +328,12 @@ class RecordedStates:
     driving: Array
 
 
+def joined(records: Sequence[RecordedStates]) -> RecordedStates:
+    """Return several records as one."""
+    names = [field.name for field in fields(RecordedStates)]
+    return RecordedStates(*(np.concatenate([getattr(record, name) for record in records]) for name in names))
+
+
 def recorded_states(
     equations: EquationsOfMotion,
     compiled: CompiledModel | None,
@@ -377,43 +378,42 @@ def motion_in(equations: EquationsOfMotion, states: Array, accelerations: Array,
 
 def run_at(equations: EquationsOfMotion, trajectory: Trajectory, times: Array) -> DynamicRun:
     """Return a trajectory evaluated at instants (n,) in [s], each state projected onto the loops."""
-    pieces = trajectory.pieces
+    pieces, layout = trajectory.pieces, StateLayout(equations)
+
+    def coordinates_at(times: Array) -> Coordinates:
+        return layout.unpack_states(_states_at(pieces, times)[1])[0]
+
     numbers, states = _states_at(pieces, times)
+    piece_of = [pieces[k] for k in numbers]
+    in_c = [isinstance(piece.solution, DenseSteps) for piece in piece_of]
     records: list[RecordedStates] = []
-
-    def method(number: int) -> tuple[int, bool]:
-        return id(pieces[number].mode), isinstance(pieces[number].solution, DenseSteps)
-
-    for _, group in groupby(range(len(times)), key=lambda i: method(numbers[i])):
-        first, *others = group
-        which, piece = slice(first, first + 1 + len(others)), pieces[numbers[first]]
-        compiled = trajectory.compiled if isinstance(piece.solution, DenseSteps) else None
+    for (_, dense), group in groupby(range(len(times)), key=lambda i: (id(piece_of[i].mode), in_c[i])):
+        which = [*group]
+        piece, compiled = piece_of[which[0]], trajectory.compiled if dense else None
         records.append(
             recorded_states(equations, compiled, piece.mode, piece.contacts, times[which], states[which])
         )
-    states, accelerations, kinetic, potential, driving = (
-        np.concatenate([getattr(record, field.name) for record in records])
-        for field in fields(RecordedStates)
-    )
-    motion, gaps = motion_in(equations, states, accelerations, times), gaps_of(equations.model.mechanism)
+    record, gaps = joined(records), gaps_of(equations.model.mechanism)
+    motion = motion_in(equations, record.states, record.accelerations, times)
     # a gap has no body
     links = {k: link for k, link in motion.links.items() if k.removeprefix(VIRTUAL_PREFIX) not in gaps}
     return DynamicRun(
         motion=replace(motion, links=links),
-        kinetic=kinetic,
-        potential=potential,
-        work=states[:, -2],
-        lost=states[:, -1],
-        driving=dict(zip(equations.prescribed, driving.T, strict=True)),
+        kinetic=record.kinetic,
+        potential=record.potential,
+        work=record.states[:, -2],
+        lost=record.states[:, -1],
+        driving=dict(zip(equations.prescribed, record.driving.T, strict=True)),
         outcome=trajectory.outcome,
         reason=trajectory.reason,
         events=trajectory.events,
         segments=_segments(pieces, gap_indices(equations)),
         steps=trajectory.steps,
         drift=trajectory.drift,
+        singular=singular_passages(equations, coordinates_at, trajectory),
         executed=trajectory.executed,
         note=trajectory.note,
-        activation=StateLayout(equations).activation(states),
+        activation=layout.activation(record.states),
     )
 
 
@@ -429,12 +429,12 @@ def _segments(pieces: Sequence[Piece], gaps: Mapping[int, str]) -> tuple[RunSegm
     """Return the segments of a run; `gaps` are the indices of the gaps of contacts, with their names."""
     segments: list[RunSegment] = []
     for _, group in groupby(pieces, key=lambda piece: id(piece.mode)):
-        first, *others = group
-        last = others[-1] if others else first
-        closed = tuple(gaps[index] for index in first.contacts if index in gaps)
-        touching = len(first.contacts) > len(closed)
-        sticking = bool(first.mode.stuck) or touching
-        segments.append(RunSegment(first.first, last.last, sticking, touching, closed, first.mode.phases))
+        together = [*group]
+        begin, contacts, mode = together[0].first, together[0].contacts, together[0].mode
+        closed = tuple(gaps[index] for index in contacts if index in gaps)
+        touching = len(contacts) > len(closed)
+        sticking = bool(mode.stuck) or touching
+        segments.append(RunSegment(begin, together[-1].last, sticking, touching, closed, mode.phases))
     return tuple(segments)
 
 
@@ -447,16 +447,12 @@ def initial_values(model: DynamicModel, initial: Mapping[str, Initial]) -> Initi
     Raises:
         InputError: for an unknown name, or a value that is not a finite number.
     """
-    mechanism, stated = model.mechanism, getattr(model.solver, "initial", {})
+    mechanism = model.mechanism
     names = [coordinate for joint in mechanism.joints for coordinate in joint.coordinates]
     balls = [joint.name for joint in mechanism.joints if KINDS[joint.kind].ball]
-    coordinates, rates, rotations, spins = (
-        dict[str, float](),
-        dict[str, float](),
-        dict[str, Array](),
-        dict[str, Array](),
-    )
-    for quantity, value in {**stated, **initial}.items():
+    coordinates, rates = dict[str, float](), dict[str, float]()
+    rotations, spins = dict[str, Array](), dict[str, Array]()
+    for quantity, value in {**model.solver.initial, **initial}.items():
         name, _, component = quantity.rpartition(".")
         if component in ("q", "w") and name in balls:
             vector = _rotation_or_spin(quantity, value, model.solver.written)

@@ -28,15 +28,19 @@ from mechsim.kinetics.applied_forces import (
 )
 from mechsim.kinetics.link_forces import (
     DryFriction,
+    LoadedCoordinate,
+    causing_wrenches,
     constrained_acceleration,
-    friction_directions,
+    friction_wrenches,
     generalised_forces,
     inertial_wrenches,
+    joint_wrenches,
     kinetic_energy,
     mass_matrix,
+    responses,
     spatial_inertias,
 )
-from mechsim.kinetics.load_friction import ConstrainedMotion, frictions_in_motion
+from mechsim.kinetics.load_friction import friction_by_load
 from mechsim.kinetics.model import REPEATED, DynamicModel
 from mechsim.kinetics.unit_motion import UnitMotion
 from mechsim.mechanism.actuators import no_control
@@ -95,9 +99,7 @@ class Kinematics:
 
         The rows of prescribed coordinates are last.
         """
-        equations = self.equations
-        jacobian = equations.loops.linearise(self.q, self.poses)[1][:, equations.free].transpose(2, 0, 1)
-        return with_locked_rows(equations, jacobian, equations.prescribed_indices)
+        return constraint_jacobians(self.equations, self.q, poses=self.poses)
 
     @cached_property
     def gamma(self) -> Array:
@@ -108,7 +110,16 @@ class Kinematics:
     @cached_property
     def unit(self) -> UnitMotion:
         """The links' motion by time as applied forces need it."""
-        return self.equations.unit_motion(self)
+        equations, mechanism = self.equations, self.equations.model.mechanism
+        position = self.poses.position[equations.links].transpose(2, 0, 1)
+        rotation = self.poses.rotation[equations.links].transpose(3, 0, 1, 2)
+        twist = equations.of_links(self.twist).copy()
+        twist[..., :3] += cross(twist[..., 3:], position)
+        angle = np.zeros(len(self.q)) if equations.crank is None else self.q.values[equations.crank]
+        none = np.zeros((*twist.shape, 0))
+        unit = UnitMotion(mechanism, angle, position, rotation, twist, np.zeros_like(twist), none)
+        continuous = {name: self.q.values[i] for name, i in equations.sprung.items()}
+        return replace(unit, coordinates=continuous) if continuous else unit
 
     @cached_property
     def link_jacobians(self) -> Array:
@@ -207,6 +218,10 @@ class EquationsOfMotion:
         """Index in the tree of each link of the mechanism."""
         return [self.loops.tree.index[link.name] for link in self.model.mechanism.links]
 
+    def of_links(self, values: Array) -> Array:
+        """Return the mechanism's links' values (n, L, 6) among those of the tree's, (links, 6, n)."""
+        return values[self.links].transpose(2, 0, 1)
+
     @cached_property
     def sprung(self) -> dict[str, int]:
         """Index in the tree of each coordinate along which nonlinear springs act."""
@@ -225,9 +240,9 @@ class EquationsOfMotion:
         frictions: list[DryFriction] = []
         for friction in self.model.forces.friction:
             joint = self.model.mechanism.joint(friction.joint)
-            loaded = friction.loaded(self.model.mechanism)
+            loaded = [LoadedCoordinate(friction, *row) for row in friction.loaded(self.model.mechanism)]
             for i, (_, magnitude) in enumerate(friction.sizes(KINDS[joint.kind])):
-                loads = tuple(row for row in loaded if row[2] == i)
+                loads = tuple(item for item in loaded if item.coordinate == i)
                 if magnitude or loads:
                     frictions.append(DryFriction(joint, i, magnitude, friction, loads))
         return tuple(frictions)
@@ -272,14 +287,19 @@ class EquationsOfMotion:
         at_joints, pulls, activation = _actuator_forces(self, state, time, loaded.crank)
         wrenches = acting.gravity + acting.springs + acting.damping + loaded.wrenches + pulls
         directions = self.friction_directions(state)
-        twist, bias = (value[self.links].transpose(2, 0, 1) for value in (state.twist, state.bias))
-        inertial = inertial_wrenches(twist, bias, state.inertia)
+        inertial = inertial_wrenches(self.of_links(state.twist), self.of_links(state.bias), state.inertia)
         force = generalised_forces(unit, jacobians, wrenches, inertial) + at_joints
         _, driven_rates, driven_accelerations = self.prescribed_motion(time)
-        gamma = np.concatenate([state.gamma, -driven_accelerations.T], 1)
-        rows, gamma = self.constraint_rows(state, gamma, directions, stuck, contacts)
-        motion = ConstrainedMotion(unit, jacobians, bias, mass, force, rows, gamma, wrenches, at_joints)
-        limits = self._friction_limits(state, motion, directions, sliding, stuck, contacts, time)
+        # constraints: loops and prescribed coordinates, sticking friction, stops
+        rows, gamma = state.jacobian, np.concatenate([state.gamma, -driven_accelerations.T], 1)
+        if len(stuck):
+            rows = np.concatenate([rows, directions[list(stuck)].transpose(1, 0, 2)], 1)
+            gamma = np.concatenate([gamma, self._direction_rates(state, stuck)], 1)
+        if len(contacts):
+            rows = with_locked_rows(self, rows, contacts)
+            gamma = np.concatenate([gamma, np.zeros((len(rows), len(contacts)))], 1)
+        balance = directions, force, rows, gamma, wrenches, at_joints
+        limits = self._friction_limits(state, time, sliding, stuck, contacts, *balance)
         rubbing = _rubbing(limits, sliding, directions, force)
         free, multipliers = constrained_acceleration(mass, force + rubbing, rows, gamma)
         acceleration = np.zeros_like(state.rates)
@@ -312,58 +332,69 @@ class EquationsOfMotion:
     def _friction_limits(
         self,
         state: Kinematics,
-        motion: ConstrainedMotion,
-        directions: Array,
+        time: Array,
         sliding: Array,
         stuck: Sequence[int],
         contacts: Sequence[int],
-        time: Array,
+        directions: Array,
+        force: Array,
+        rows: Array,
+        gamma: Array,
+        wrenches: Array,
+        at_joints: Array,
     ) -> Array:
-        """Return the magnitude of each sliding friction, and the limit of each other, (frictions, n)."""
-        limits = np.outer([friction.magnitude for friction in self.frictions], np.ones(len(time)))
-        if not any(friction.loads for friction in self.frictions):
+        """Return the magnitude of each sliding friction, and the limit of each other, (frictions, n).
+
+        Those by the load follow from the wrenches in the joints without them, and by a unit of each.
+        """
+        n, first, units = len(time), state.jacobian.shape[1], self.loops.units[self.free]
+        magnitudes = np.array([friction.magnitude for friction in self.frictions])
+        limits = np.outer(magnitudes, np.ones(n))
+        loaded = [(f, item) for f, friction in enumerate(self.frictions) for item in friction.loads]
+        if not loaded:
             return limits
-        motion = replace(motion, force=motion.force + _rubbing(limits, sliding, directions, motion.force))
-        first = motion.rows.shape[1] - len(stuck) - len(contacts)
-        drives = slice(first - len(self.prescribed), first)
-        driven, stopped = (np.searchsorted(self.free, index) for index in (self.prescribed_indices, contacts))
-        units = self.loops.units[self.free]
-
-        def in_joints(acceleration: Array, multipliers: Array) -> Array:
-            forces = -acceleration @ self.rotors
-            forces[:, driven] += multipliers[:, drives]
-            forces[:, stopped] += multipliers[:, first + len(stuck) :]
-            return forces / units
-
-        columns = {
-            name: int(np.searchsorted(self.free, index))
-            for name, index in self.loops.tree.index_of.items()
-            if index in self.free
-        }
+        force = force + _rubbing(limits, sliding, directions, force)
+        without = constrained_acceleration(state.mass, force, rows, gamma)
+        by_unit = responses(state.mass, np.array([-sliding[f] * directions[f] for f, _ in loaded]), rows)
+        solutions = zip(without, by_unit, strict=True)
+        accelerations, multipliers = (np.concatenate([alone[None], others]) for alone, others in solutions)
+        # along each coordinate: frictions that slide without a load or stick, and changes of them
+        along = np.zeros((1 + len(loaded), len(self.frictions), n))
+        along[0] = -magnitudes[:, None] * sliding[:, None]
+        along[:, list(stuck)] = multipliers[:, :, first : first + len(stuck)].transpose(0, 2, 1)
+        for column, (f, _) in enumerate(loaded, 1):
+            along[column, f] -= sliding[f]
         # the balance has no equations of drivers, whose forces are those in joints
-        undriven = replace(self.model.mechanism, driver=())
-        motion = replace(motion, unit=replace(motion.unit, mechanism=undriven), steady=motion.steady / units)
-        return limits + frictions_in_motion(
-            motion,
-            in_joints,
-            columns,
-            self.frictions,
-            directions,
-            self._ratios(state, directions, stuck),
-            sliding,
-            slice(first, first + len(stuck)),
-            stuck,
-            [f"{undriven.name} at {value:.6g} s" for value in time],
-        )
-
-    def _ratios(self, state: Kinematics, directions: Array, stuck: Sequence[int]) -> Array:
-        """Return each friction relative to that in fast motion, (frictions, n)."""
+        unit = replace(state.unit, mechanism=replace(self.model.mechanism, driver=()))
+        still, bias = replace(unit, twist=np.zeros_like(unit.twist)), self.of_links(state.bias)
+        index_of = self.loops.tree.index_of.items()
+        columns = {name: int(np.searchsorted(self.free, i)) for name, i in index_of if i in self.free}
+        driven, stopped = (np.searchsorted(self.free, index) for index in (self.prescribed_indices, contacts))
+        unit_wrenches = [friction_wrenches(friction, unit) for friction in self.frictions]
+        needed = np.zeros((*unit.twist.shape, 1 + len(loaded)))
+        for column, (acceleration, multiplier) in enumerate(zip(accelerations, multipliers, strict=True)):
+            in_joints = -acceleration @ self.rotors
+            in_joints[:, driven] += multiplier[:, first - len(driven) : first]
+            in_joints[:, stopped] += multiplier[:, first + len(stuck) :]
+            in_joints = in_joints / units + (0.0 if column else at_joints / units)
+            moved = (state.link_jacobians @ acceleration[:, None, :, None])[..., 0]
+            inertial = causing_wrenches(still, moved) if column else causing_wrenches(unit, moved + bias)
+            wrench = inertial - joint_wrenches(unit, {name: in_joints[:, k] for name, k in columns.items()})
+            acting = zip(along[column], unit_wrenches, strict=True)
+            wrench -= sum((effort[:, None, None] * stack for effort, stack in acting), 0.0)
+            needed[..., column] = wrench if column else wrench - wrenches
+        signs = [np.full(n, sliding[f]) if sliding[f] else -np.sign(along[0, f]) for f, _ in loaded]
         rates = np.einsum("fnk,kn->fn", directions, state.rates[self.free])
-        rows = zip(self.frictions, rates, strict=True)
-        ratios = np.array([row.friction.ratio(rate) for row, rate in rows])
-        for i in stuck:
-            ratios[i] = self.frictions[i].friction.ratio_at_rest
-        return ratios
+        ratios = [
+            np.full(n, item.friction.ratio_at_rest) if f in stuck else item.friction.ratio(rates[f])
+            for f, item in loaded
+        ]
+        labels = [f"{unit.mechanism.name} at {value:.6g} s" for value in time]
+        items, by_load = [item for _, item in loaded], np.zeros_like(limits)
+        frictions = friction_by_load(unit, needed, items, signs, ratios, labels).T
+        for (f, _), magnitude in zip(loaded, frictions, strict=True):
+            by_load[f] += magnitude
+        return limits + by_load
 
     def smooth_forces(self, state: Kinematics) -> tuple[Array, Array]:
         """Return generalised forces at time zero without Coulomb friction, and sums of their terms' sizes.
@@ -383,7 +414,9 @@ class EquationsOfMotion:
     def energy(self, state: Kinematics) -> tuple[float, float]:
         """Return kinetic and potential energy of one state in [J]."""
         kinetic = kinetic_energy(state.mass, state.rates[self.free].T)[0]
-        potential = applied(self.model, state.unit).energy + _stored(self.model, state.unit)
+        springs = zip(self.model.forces.nonlinear_springs, self.spring_lengths(state)[0], strict=True)
+        stored = sum(spring.law.energy(lengths) for spring, lengths in springs)
+        potential = applied(self.model, state.unit).energy + stored
         return float(kinetic), float(potential[0])
 
     @property
@@ -394,24 +427,6 @@ class EquationsOfMotion:
         return not (self.prescribed or forces.controllers or varying) and not any(
             course.over == "time" for course in self.model.forces.load_profiles
         )
-
-    def constraint_rows(
-        self,
-        state: Kinematics,
-        gamma: Array,
-        directions: Array,
-        stuck: Sequence[int],
-        contacts: Sequence[int],
-    ) -> tuple[Array, Array]:
-        """Return Jacobian (n, rows, free) and velocity-product terms: loops, sticking friction, stops."""
-        rows = state.jacobian
-        if len(stuck):
-            rows = np.concatenate([rows, directions[list(stuck)].transpose(1, 0, 2)], 1)
-            gamma = np.concatenate([gamma, self._direction_rates(state, stuck)], 1)
-        if len(contacts):
-            rows = with_locked_rows(self, rows, contacts)
-            gamma = np.concatenate([gamma, np.zeros((len(rows), len(contacts)))], 1)
-        return rows, gamma
 
     @cached_property
     def rotors(self) -> Array:
@@ -472,11 +487,9 @@ class EquationsOfMotion:
         """Return the generalised force of a unit of each friction, (frictions, n, free)."""
         constant, varying = self._constant_directions
         directions = np.repeat(constant[:, None], len(state.q), 1)
-        if varying:
-            numbers = sorted(varying)
-            directions[numbers] = friction_directions(
-                [self.frictions[k] for k in numbers], state.unit, state.link_jacobians
-            )
+        for k in varying:
+            wrenches = friction_wrenches(self.frictions[k], state.unit)
+            directions[k] = generalised_forces(state.unit, state.link_jacobians, wrenches)
         return directions
 
     def friction_rates(self, state: Kinematics) -> Array:
@@ -488,19 +501,6 @@ class EquationsOfMotion:
         by_acceleration = np.einsum("fnk,kn->fn", self.friction_directions(state), accelerations[self.free])
         return by_acceleration + self._direction_rates(state, range(len(self.frictions))).T
 
-    def unit_motion(self, state: Kinematics) -> UnitMotion:
-        """Return the links' motion by time in the form that applied forces need."""
-        position = state.poses.position[self.links].transpose(2, 0, 1)
-        rotation = state.poses.rotation[self.links].transpose(3, 0, 1, 2)
-        twist = state.twist[self.links].transpose(2, 0, 1).copy()
-        twist[..., :3] += cross(twist[..., 3:], position)
-        n = len(state.q)
-        angle = np.zeros(n) if self.crank is None else state.q.values[self.crank]
-        none = np.zeros((*twist.shape, 0))
-        unit = UnitMotion(self.model.mechanism, angle, position, rotation, twist, np.zeros_like(twist), none)
-        continuous = {name: state.q.values[i] for name, i in self.sprung.items()}
-        return replace(unit, coordinates=continuous) if continuous else unit
-
     def _direction_rates(self, state: Kinematics, stuck: Sequence[int]) -> Array:
         """Return the velocity-product terms of the coordinates with sticking friction, (n, stuck)."""
         if self._constant_directions[1].isdisjoint(stuck):
@@ -511,14 +511,6 @@ class EquationsOfMotion:
             displaced.append(self.friction_directions(moved))
         change = (displaced[0] - displaced[1])[list(stuck)] / (2.0 * DIFFERENCE)
         return np.einsum("fnk,kn->nf", change, state.rates[self.free])
-
-
-def _stored(model: DynamicModel, unit: UnitMotion) -> Array:
-    """Return the energy in nonlinear springs, (n,) in [J]."""
-    springs = model.forces.nonlinear_springs
-    return sum(
-        (spring.law.energy(length_and_rate(unit, spring)[0]) for spring in springs), np.zeros(len(unit))
-    )
 
 
 def _actuator_forces(
@@ -562,10 +554,8 @@ def _actuator_forces(
 
 def _rubbing(limits: Array, sliding: Array, directions: Array, force: Array) -> Array:
     """Return the generalised force of the sliding frictions, (n, free)."""
-    rubbing = np.zeros_like(force)
-    for limit, sign, direction in zip(limits, sliding, directions, strict=True):
-        rubbing -= sign * limit[:, None] * direction
-    return rubbing
+    rows = zip(limits, sliding, directions, strict=True)
+    return sum((-sign * limit[:, None] * direction for limit, sign, direction in rows), np.zeros_like(force))
 
 
 def with_locked_rows(equations: EquationsOfMotion, jacobian: Array, indices: Sequence[int]) -> Array:
@@ -574,10 +564,12 @@ def with_locked_rows(equations: EquationsOfMotion, jacobian: Array, indices: Seq
     return np.concatenate([jacobian, np.broadcast_to(rows, (len(jacobian), *rows.shape))], 1)
 
 
-def constraint_jacobians(equations: EquationsOfMotion, q: Coordinates) -> Array:
-    """Return the Jacobians (n, rows, free) of the loops and prescribed coordinates."""
-    jacobian = equations.loops.linearise(q)[1][:, equations.free].transpose(2, 0, 1)
-    return with_locked_rows(equations, jacobian, equations.prescribed_indices)
+def constraint_jacobians(
+    equations: EquationsOfMotion, q: Coordinates, locked: Sequence[int] = (), poses: LinkPoses | None = None
+) -> Array:
+    """Return the Jacobians (n, rows, free) of the loops, prescribed coordinates and further locked ones."""
+    jacobian = equations.loops.linearise(q, poses)[1][:, equations.free].transpose(2, 0, 1)
+    return with_locked_rows(equations, jacobian, [*equations.prescribed_indices, *locked])
 
 
 def conditionings(equations: EquationsOfMotion, state: Kinematics) -> Array:

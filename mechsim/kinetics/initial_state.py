@@ -1,6 +1,6 @@
 """States of a mechanism: initial ones from values of joint coordinates, and their packing into vectors."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -15,6 +15,7 @@ from mechsim.kinetics.equations_of_motion import (
     Dynamics,
     EquationsOfMotion,
     Kinematics,
+    constraint_jacobians,
     with_locked_rows,
 )
 from mechsim.mechanism.links import GROUND
@@ -69,8 +70,10 @@ def initial_state(equations: EquationsOfMotion, values: InitialValues) -> tuple[
             )
     value, rate, _ = equations.prescribed_motion(np.zeros(1))
     units = equations.loops.units[equations.prescribed_indices]
-    first = dict(zip(equations.prescribed, (value[:, 0] * units).tolist(), strict=True))
-    first_rates = dict(zip(equations.prescribed, (rate[:, 0] * units).tolist(), strict=True))
+    first, first_rates = (
+        dict(zip(equations.prescribed, (column[:, 0] * units).tolist(), strict=True))
+        for column in (value, rate)
+    )
     q = _moved(equations, {**values.coordinates, **first}, values.rotations)
     return q, _rates(equations, q, {**values.rates, **first_rates}, values.spins)
 
@@ -91,14 +94,11 @@ def projected(
         q = Coordinates(q.values.copy(), q.turns)
         q.values[indices] = value * loops.units[indices][:, None]
         loops = replace(loops, driven=(*loops.driven, *indices))
-    q, gap = _nearest(loops, q, CLOSED)
+    q, gap = close_nearest(loops, q)
     _require_closed(equations, gap)
-    loop_jacobian = equations.loops.linearise(q)[1][:, equations.free].transpose(2, 0, 1)
-    jacobian = with_locked_rows(equations, loop_jacobian, [*equations.prescribed_indices, *resting])
-    rates = rates.copy()
+    jacobian, rates = constraint_jacobians(equations, q, resting), rates.copy()
     violation = jacobian @ rates[equations.free].T[..., None]
-    first = loop_jacobian.shape[1]
-    violation[:, first : first + len(rate), 0] -= rate.T
+    violation[:, equations.loops.rows : equations.loops.rows + len(rate), 0] -= rate.T
     rates[equations.free] -= (np.linalg.pinv(jacobian, rcond=RANK_TOLERANCE) @ violation)[..., 0].T
     return q, rates
 
@@ -106,46 +106,55 @@ def projected(
 def _moved(
     equations: EquationsOfMotion, coordinates: Mapping[str, float | Array], rotations: Mapping[str, Array]
 ) -> Coordinates:
-    requested, loops = _columns(coordinates), equations.loops
+    """Return configurations with requested values, reached from the start within its assembly mode.
+
+    All values change in proportion to a parameter from 0 to 1. A short step starts from the configuration
+    before, which the linear model of the loops permits; a longer one must arrive where the polynomial through
+    those before predicts.
+    """
+    requested, loops = _columns(coordinates.values()), equations.loops
     named, q = [_index(equations, name) for name in coordinates], equations.start.repeated(requested.shape[1])
-    balls = {name: _ball_index(equations, name) for name in rotations}
-    constant = [index for first, _ in balls.values() for index in range(first, first + 3)]
-    first_rotations = [q.turns[number, ..., 0] for _, number in balls.values()]
-    changes = _rotation_vectors(first_rotations, [*rotations.values()])
-    units = loops.units[named][:, None]
-    widest = np.abs(np.append((requested - q.values[named]) / units, changes)).max(initial=0.0)
+    begin, units = q.values[named], loops.units[named][:, None]
+    change = requested - begin
+    balls = [_ball_index(equations, name) for name in rotations]
+    turning = [index for first, _ in balls for index in range(first, first + 3)]
+    first_rotations = [q.turns[number, ..., 0] for _, number in balls]
+    vectors = _rotation_vectors(first_rotations, [*rotations.values()])
+    widest = np.abs(np.append(change / units, vectors)).max(initial=0.0)
     if not widest:
         return q
-    kept = _independent(equations, q, [*named, *constant])
-    begin, change = q.values[named], requested - q.values[named]
-    loops = replace(loops, driven=(*loops.driven, *named, *kept.values(), *constant))
+    kept = _independent(equations, q, [*named, *turning])
+    fixed = [*kept.values()]
+    loops = replace(loops, driven=(*loops.driven, *named, *fixed, *turning))
     least = min(1.0, STEP / widest)
     reached, step, path = 0.0, least, [(0.0, q)]
     matrix, values = _jacobian_and_values(loops, q)
     while reached < 1.0:
         goal = min(1.0, reached + step)
-        short, residual = goal - reached <= 1.01 * least, CLOSED if goal == 1.0 else BETWEEN
-        guess = _extrapolated(path[-1:] if short else path[-POINTS:], goal)
-        guess.values[named] = begin + change * goal
-        guess.values[[*kept.values()]] = q.values[[*kept.values()]]
-        for (_, number), start, vector in zip(balls.values(), first_rotations, changes, strict=True):
+        short, last = goal - reached <= 1.01 * least, goal == 1.0
+        before = path[-1:] if short else path[-POINTS:]
+        guess = _extrapolated(before, goal)
+        guess.values[named], guess.values[fixed] = begin + change * goal, q.values[fixed]
+        for (_, number), start, vector in zip(balls, first_rotations, vectors, strict=True):
             guess.turns[number] = turned_by(start[None], vector[None] * goal)[0][..., None]
-        new, gap = _nearest(loops, guess, residual)
+        new, gap = close_nearest(loops, guess, ASSEMBLY if last else replace(ASSEMBLY, tolerance=BETWEEN))
+        residual = CLOSED if last else BETWEEN
         moved, deviation = (_distances(loops.units, new, other) for other in (path[-1][1], guess))
+        predicted = (gap <= residual) & (deviation <= PREDICTED * moved + 10.0 * BETWEEN)
         after, smallest = _jacobian_and_values(loops, new)
         # the determinant changes its sign between two assembly modes that meet
         same = bool((np.linalg.slogdet(matrix.transpose(0, 2, 1) @ after)[0] >= 0.0).all())
-        predicted = (gap <= residual) & (deviation <= PREDICTED * moved + 10.0 * BETWEEN)
-        if (short and (same or goal - reached < SHORTEST * least)) or (same and predicted.all()):
-            _require_closed(equations, gap, residual, kept)
-            # modes meet where a singular value is zero: halfway there at most
-            ahead = 0.5 * (smallest / np.maximum(values - smallest, EPS)).min()
-            step = max(least, min(2.0, ahead) * (goal - reached))
-            step, matrix, values = min(step, MAX_RATIO * least), after, smallest
-            # a curve may bend within a short step
-            reached, path = goal, [*(path[-1:] if short else path), (goal, new)]
-        else:
+        shortest = short and goal - reached < SHORTEST * least
+        if not (shortest or (same and (short or predicted.all()))):
             step = max(0.5 * (goal - reached), 0.0 if short else least)
+            continue
+        _require_closed(equations, gap, residual, kept)
+        # modes meet where a singular value is zero: halfway there at most
+        ahead = 0.5 * (smallest / np.maximum(values - smallest, EPS)).min()
+        step = min(max(least, min(2.0, ahead) * (goal - reached)), MAX_RATIO * least)
+        # a curve may bend within a short step
+        reached, path = goal, [*(path[-1:] if short else path), (goal, new)]
+        matrix, values = after, smallest
     return path[-1][1]
 
 
@@ -188,9 +197,9 @@ def _distances(units: Array, q: Coordinates, other: Coordinates) -> Array:
     return np.maximum(values, np.abs(q.turns - other.turns).max((0, 1, 2), initial=0.0))
 
 
-def _columns(values: Mapping[str, float | Array]) -> Array:
-    """Return values of names, (names, n)."""
-    rows = [np.atleast_1d(np.asarray(value, dtype=np.float64)) for value in values.values()]
+def _columns(values: Collection[float | Array]) -> Array:
+    """Return values as rows of equal length, (values, n)."""
+    rows = [np.atleast_1d(np.asarray(value, dtype=np.float64)) for value in values]
     return np.stack(np.broadcast_arrays(*rows)) if rows else np.empty((0, 1))
 
 
@@ -208,12 +217,6 @@ def _independent(equations: EquationsOfMotion, q: Coordinates, named: Sequence[i
     index_of = loops.tree.index_of
     independent, _ = independent_coordinates(loops, [name for name in names if name in index_of], motions)
     return {name: index_of[name] for name in independent}
-
-
-def _nearest(loops: TreeLoops, q: Coordinates, residual: float) -> tuple[Coordinates, Array]:
-    """Return coordinates whose loops close up to a residual, changed least, and their residuals, (n,)."""
-    settings = ASSEMBLY if residual == CLOSED else replace(ASSEMBLY, tolerance=residual)
-    return close_nearest(loops, q, settings)
 
 
 def _require_closed(
@@ -236,28 +239,25 @@ def _rates(
     rates: Mapping[str, float | Array],
     spins: Mapping[str, Array],
 ) -> Array:
+    """Return rates in units, (count, n), with requested ones; independent coordinates without one rest."""
     loops, free = equations.loops, equations.free
     indices = [_index(equations, name) for name in rates]
-    for name in spins:
-        first, _ = _ball_index(equations, name)
-        indices += range(first, first + 3)
-    spinning = np.concatenate([np.empty(0), *spins.values()])[:, None]
-    columns = _columns(rates)
-    count = max(columns.shape[1], len(q))
-    if not (columns.any() or spinning.any()):
-        return np.zeros((loops.tree.count, count))
-    requested_rows = [np.broadcast_to(rates_of, (len(rates_of), count)) for rates_of in (columns, spinning)]
-    requested = np.concatenate(requested_rows) / loops.units[indices][:, None]
+    balls = [_ball_index(equations, name)[0] for name in spins]
+    indices += [index for first in balls for index in range(first, first + 3)]
+    requested = _columns([*rates.values(), *(rate for spin in spins.values() for rate in spin)])
+    count = max(requested.shape[1], len(q))
+    result = np.zeros((loops.tree.count, count))
+    if not requested.any():
+        return result
+    requested = np.broadcast_to(requested, (len(indices), count)) / loops.units[indices][:, None]
     kept = [*_independent(equations, q, indices).values()]
     if len(q) < count:
         q = q.repeated(count)
-    jacobian = loops.linearise(q)[1].transpose(2, 0, 1)
-    fixed = np.eye(loops.tree.count)[[*indices, *kept]]
-    rows = np.concatenate([jacobian, np.broadcast_to(fixed, (count, *fixed.shape))], 1)[:, :, free]
+    jacobian = loops.linearise(q)[1][:, free].transpose(2, 0, 1)
+    rows = with_locked_rows(equations, jacobian, [*indices, *kept])
     closed, still = np.zeros((loops.rows, count)), np.zeros((len(kept), count))
     right = np.concatenate([closed, requested, still]).T[..., None]
     solution = np.linalg.pinv(rows, rcond=RANK_TOLERANCE) @ right
-    result = np.zeros((loops.tree.count, count))
     result[free] = solution[..., 0].T
     violation = np.abs(rows @ solution - right).max(initial=0.0)
     if violation > CONSISTENT * max(np.abs(requested).max(initial=0.0), np.finfo(float).tiny):
@@ -271,17 +271,17 @@ def _rates(
 def _index(equations: EquationsOfMotion, name: str) -> int:
     index_of = equations.loops.tree.index_of
     mechanism = equations.model.mechanism
-    if name in index_of and name not in mechanism.locked:
-        return index_of[name]
     if name in mechanism.locked:
         raise InputError(f"{mechanism.name}: joint {name!r} is locked; leave its initial value out")
-    names = ", ".join(coordinate for joint in mechanism.joints for coordinate in joint.coordinates)
-    if name in names.split(", "):
+    if name in index_of:
+        return index_of[name]
+    names = [coordinate for joint in mechanism.joints for coordinate in joint.coordinates]
+    if name in names:
         raise InputError(
             f"{mechanism.name}: {name!r} and the other coordinates with initial values close a loop among "
             "themselves; leave one of them out"
         )
-    raise InputError(f"{mechanism.name} has no joint coordinate {name!r}; it has {names}")
+    raise InputError(f"{mechanism.name} has no joint coordinate {name!r}; it has {', '.join(names)}")
 
 
 def _ball_index(equations: EquationsOfMotion, name: str) -> tuple[int, int]:
@@ -351,9 +351,8 @@ class StateLayout:
         values = kinematics.rates.copy()
         values[self.tree.ball_indices] = 0.0
         turning: list[Array] = []
-        for i, ball in enumerate(self.tree.balls):
+        for first, ball in zip(range(self.count, self.positions, 4), self.tree.balls, strict=True):
             rate = kinematics.rates[ball.first_angle : ball.first_angle + 3]
-            first = self.count + 4 * i
             turning.append(quaternion_rates(states[:, first : first + 4], rate.T).T)
         powers = dynamics.power_in[None], dynamics.power_lost[None]
         return np.concatenate([values, *turning, dynamics.acceleration, dynamics.activation, *powers]).T
@@ -364,7 +363,7 @@ class StateLayout:
 
     def origin(self, state: Array) -> Array:
         """Return the vector from which displacements count: the coordinates of a start, and zeros."""
-        return np.concatenate([state[: self.positions], np.zeros(len(state) - self.positions)])
+        return np.where(np.arange(len(state)) < self.positions, state, 0.0)
 
     def fastest(self, rate: float, acceleration: float, duration: float, displacement: float) -> float:
         """Return the largest rate, so far or by the acceleration or duration of a displacement."""
@@ -372,14 +371,8 @@ class StateLayout:
 
     def scale(self, rate: float, displacement: float = 1.0) -> Array:
         """Return characteristic magnitudes of the vector at a rate, of displacements from its origin."""
-        return np.concatenate(
-            [
-                np.full(self.positions, displacement),
-                np.full(self.count, rate),
-                np.ones(len(self.start)),
-                np.full(2, 1e300),
-            ]
-        )
+        lengths = self.positions, self.count, len(self.start), 2
+        return np.repeat([displacement, rate, 1.0, 1e300], lengths)
 
 
 def rotation_quaternions(rotations: Array) -> Array:

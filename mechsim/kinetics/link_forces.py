@@ -3,14 +3,14 @@
 Source: R. Featherstone, Rigid Body Dynamics Algorithms (2008), sections 2.13 and 6.5.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from mechsim.kinematics.vector_method.rotations import skew
-from mechsim.kinetics.applied_forces import add_joint_forces
+from mechsim.kinetics.applied_forces import add_joint_force, add_joint_forces
 from mechsim.kinetics.unit_motion import UnitMotion
 from mechsim.mechanism.joint_friction import Friction
 from mechsim.mechanism.joints import Joint
@@ -19,17 +19,28 @@ from mechsim.numerics.rank import significant
 
 
 @dataclass(frozen=True, slots=True)
+class LoadedCoordinate:
+    """A friction by the load: its number in its joint, the coordinate that it opposes, its constant part."""
+
+    friction: Friction
+    joint: Joint
+    number: int
+    coordinate: int
+    constant: float
+
+
+@dataclass(frozen=True, slots=True)
 class DryFriction:
     """A Coulomb friction: a joint, the index of its coordinate, and its magnitude in [N m] or [N].
 
-    The magnitude is without the frictions by the load, which are `loads`, rows of `Friction.loaded`.
+    The magnitude is without the frictions by the load, which are `loads`.
     """
 
     joint: Joint
     coordinate: int
     magnitude: float
     friction: Friction
-    loads: tuple[tuple[Joint, int, int, float], ...] = ()
+    loads: tuple[LoadedCoordinate, ...] = ()
 
 
 def spatial_inertias(unit: UnitMotion, masses: Array, centres: Array, moments: Array) -> Array:
@@ -94,22 +105,31 @@ def kinetic_energy(mass: Array, rates: Array) -> Array:
     return 0.5 * np.einsum("ni,nij,nj->n", rates, mass, rates)
 
 
-def friction_directions(frictions: Sequence[DryFriction], unit: UnitMotion, jacobians: Array) -> Array:
-    """Return the generalised force of a unit force of each friction, (frictions, n, free)."""
-    n, columns = len(unit), jacobians.shape[-1]
-    directions = np.zeros((len(frictions), n, columns))
-    for row, friction in zip(directions, frictions, strict=True):
-        row[:] = generalised_forces(unit, jacobians, friction_wrenches(friction, unit))
-    return directions
-
-
 def friction_wrenches(friction: DryFriction, unit: UnitMotion) -> Array:
     """Return the wrenches of a unit force of a friction on the links, (n, L, 6)."""
-    n, stack = len(unit), np.zeros_like(unit.twist)
-    unit_forces = [np.zeros(n)] * friction.coordinate + [np.ones(n)]
-    unit_forces += [np.zeros(n)] * (len(friction.joint.coordinates) - len(unit_forces))
-    add_joint_forces(unit, stack, friction.joint, unit_forces)
+    stack = np.zeros_like(unit.twist)
+    add_joint_force(unit, stack, friction.joint, friction.coordinate, np.ones(len(unit)))
     return stack
+
+
+def joint_wrenches(unit: UnitMotion, forces: Mapping[str, Array]) -> Array:
+    """Return the wrenches on the links, (n, L, 6), of forces (n,) along joint coordinates."""
+    stack, zero = np.zeros_like(unit.twist), np.zeros(len(unit))
+    for joint in unit.mechanism.joints:
+        if not forces.keys().isdisjoint(joint.coordinates):
+            add_joint_forces(unit, stack, joint, [forces.get(name, zero) for name in joint.coordinates])
+    return stack
+
+
+def causing_wrenches(unit: UnitMotion, acceleration: Array) -> Array:
+    """Return the wrenches about the links' origins that cause accelerations, (n, L, 6) each.
+
+    The accelerations are spatial ones at the ground's origin, those of inertial_wrenches.
+    """
+    linear = acceleration[..., :3] + cross(acceleration[..., 3:], unit.position)
+    linear = linear + cross(unit.twist[..., 3:], unit.twist[..., :3])
+    moved = replace(unit, bias=np.concatenate([linear, acceleration[..., 3:]], -1))
+    return moved.inertial(np.ones(len(unit)), np.zeros(len(unit)))
 
 
 def constrained_acceleration(mass: Array, force: Array, rows: Array, gamma: Array) -> tuple[Array, Array]:
@@ -144,3 +164,16 @@ def constrained_acceleration(mass: Array, force: Array, rows: Array, gamma: Arra
         multipliers = u @ (inverse[..., None] * (vh @ (mass @ acceleration - force[..., None])))
     result: Array = np.asarray(acceleration[..., 0])
     return result, multipliers[..., 0]
+
+
+def responses(mass: Array, forces: Array, rows: Array) -> tuple[Array, Array]:
+    """Return the accelerations (c, n, k) and multipliers (c, n, m) by c forces (c, n, k) alone.
+
+    They solve the equations of `constrained_acceleration` without velocity-product terms.
+    """
+    count, n, _ = forces.shape
+    many_masses, many_rows = (np.tile(value, (count, 1, 1)) for value in (mass, rows))
+    still = np.zeros((count * n, rows.shape[1]))
+    solution = constrained_acceleration(many_masses, forces.reshape(count * n, -1), many_rows, still)
+    acceleration, multipliers = (values.reshape(count, n, -1) for values in solution)
+    return acceleration, multipliers

@@ -5,44 +5,25 @@ these wrenches (`mechsim.mechanism.joint_friction`). The answer is the only stab
 (`mechsim.numerics.complementarity`).
 """
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from mechsim.errors import FrictionError, InputError
-from mechsim.kinetics.applied_forces import Applied, add_joint_forces, dry_friction, joint_rates, require_idle
-from mechsim.kinetics.link_forces import DryFriction, constrained_acceleration, friction_wrenches
+from mechsim.kinetics.applied_forces import Applied, add_joint_force, dry_friction, joint_rates, require_idle
+from mechsim.kinetics.link_forces import LoadedCoordinate
 from mechsim.kinetics.reactions import linear_reactions
 from mechsim.kinetics.unit_motion import UnitMotion
 from mechsim.mechanism.forces import Forces
-from mechsim.mechanism.joint_friction import Friction
 from mechsim.mechanism.joint_kinds import KINDS
-from mechsim.mechanism.joints import Joint
-from mechsim.numerics.arrays import Array, cross
+from mechsim.numerics.arrays import Array
 from mechsim.numerics.complementarity import balanced_friction
 
 # share of a self-stress that changes the magnitude of a load, above rounding
 FELT = 1e-6
 # load relative to the largest one below which it is rounding, and has no direction
 NO_LOAD = 1e-9
-
-
-@dataclass(frozen=True, slots=True)
-class LoadedCoordinate:
-    """A friction by the load: its number in its joint, the coordinate that it opposes, its constant part."""
-
-    friction: Friction
-    joint: Joint
-    number: int
-    coordinate: int
-    constant: float
-
-    def unit_forces(self, direction: Array) -> list[Array]:
-        """Return the forces (n,) along the joint's coordinates of a unit friction against a direction."""
-        kind, zero = KINDS[self.joint.kind], np.zeros(len(direction))
-        count = 1 if kind.ball else kind.dof
-        return [-direction if i == self.coordinate else zero for i in range(count)]
 
 
 def friction_by_load(
@@ -146,7 +127,7 @@ def with_load_friction(
     sign, stacks = np.sign(speed), list[Array]()
     for item, dry in zip(coordinates, frictions, strict=True):
         stack = np.zeros_like(needed)
-        add_joint_forces(unit, stack, item.joint, item.unit_forces(dry.direction))
+        add_joint_force(unit, stack, item.joint, item.coordinate, -dry.direction)
         require_idle(unit, stack, "friction")
         stacks.append(stack)
     columns = [needed - acting.total(speed), *(-sign[:, None, None] * stack for stack in stacks)]
@@ -159,123 +140,3 @@ def with_load_friction(
     )
     loaded = [replace(dry, magnitude=magnitude) for dry, magnitude in zip(frictions, magnitudes, strict=True)]
     return replace(acting, coulomb=coulomb, dry=(*acting.dry, *loaded))
-
-
-@dataclass(frozen=True, slots=True)
-class ConstrainedMotion:
-    """The equations of a motion, M a = Q + J' lambda and J a + gamma = 0, at n states.
-
-    Attributes:
-        unit: the links' motion by time; its mechanism has no drivers.
-        jacobians: Jacobians of the links at the ground's origin, (n, L, 6, free).
-        bias: accelerations of the links at constant rates, at the ground's origin, (n, L, 6).
-        mass: M, (n, free, free).
-        force: Q without frictions by the load, (n, free).
-        rows: J, (n, m, free).
-        gamma: velocity-product terms, (n, m).
-        wrenches: applied wrenches on the links, without those in joints, (n, L, 6).
-        steady: forces on the coordinates of joints that do not depend on the accelerations, (n, free).
-    """
-
-    unit: UnitMotion
-    jacobians: Array
-    bias: Array
-    mass: Array
-    force: Array
-    rows: Array
-    gamma: Array
-    wrenches: Array
-    steady: Array
-
-    def solved(self, forces: Array) -> tuple[Array, Array]:
-        """Return accelerations (c, n, free) and multipliers (c, n, m) under Q, and changes by other forces.
-
-        `forces` are (c, n, free), the first of them Q.
-        """
-        count, n, _ = forces.shape
-        gamma = np.concatenate([self.gamma, np.zeros(((count - 1) * n, self.gamma.shape[1]))])
-        mass, rows = (np.tile(value, (count, 1, 1)) for value in (self.mass, self.rows))
-        acceleration, multipliers = constrained_acceleration(mass, forces.reshape(count * n, -1), rows, gamma)
-        return acceleration.reshape(count, n, -1), multipliers.reshape(count, n, -1)
-
-    def inertial(self, acceleration: Array, *, change: bool) -> Array:
-        """Return the inertial wrenches about the links' origins, (n, L, 6), or those of a change alone."""
-        twist = np.zeros_like(self.unit.twist) if change else self.unit.twist
-        moved = (self.jacobians @ acceleration[:, None, :, None])[..., 0] + (0.0 if change else self.bias)
-        linear = moved[..., :3] + cross(moved[..., 3:], self.unit.position)
-        linear = linear + cross(twist[..., 3:], twist[..., :3])
-        second = np.concatenate([linear, moved[..., 3:]], -1)
-        n = len(self.unit)
-        return replace(self.unit, twist=twist, bias=second).inertial(np.ones(n), np.zeros(n))
-
-    def on_links(self, tree: Mapping[str, int], forces: Array) -> Array:
-        """Return wrenches on the links of forces (n, free) on coordinates, by their column."""
-        stack = np.zeros_like(self.unit.twist)
-        for joint in self.unit.mechanism.joints:
-            if {*joint.coordinates} & {*tree}:
-                zero = np.zeros(len(stack))
-                own = [forces[:, tree[name]] if name in tree else zero for name in joint.coordinates]
-                add_joint_forces(self.unit, stack, joint, own)
-        return stack
-
-
-def frictions_in_motion(
-    motion: ConstrainedMotion,
-    in_joints: Callable[[Array, Array], Array],
-    columns: Mapping[str, int],
-    frictions: Sequence[DryFriction],
-    directions: Array,
-    ratios: Array,
-    sliding: Array,
-    stuck: slice,
-    sticking: Sequence[int],
-    labels: Sequence[str],
-) -> Array:
-    """Return what each Coulomb friction has beyond its constant part, (frictions, n), when sticking at most.
-
-    Args:
-        motion: the equations of motion.
-        in_joints: accelerations (n, free) and multipliers (n, m) -> forces on joint coordinates, (n, free).
-        columns: joint coordinate -> its column among the free coordinates.
-        frictions: all Coulomb frictions.
-        directions: the generalised force of a unit of each, (frictions, n, free).
-        ratios: friction at the rate of each relative to that in fast motion, (frictions, n).
-        sliding: direction of each, (frictions,) of -1, 0, 1.
-        stuck: multipliers of the sticking frictions.
-        sticking: indices of the sticking frictions.
-        labels: of the states, for messages.
-
-    Raises:
-        FrictionError: at states without unique frictions.
-    """
-    numbered = [(f, row) for f, friction in enumerate(frictions) for row in friction.loads]
-    items = [LoadedCoordinate(frictions[f].friction, *row) for f, row in numbered]
-    forces = np.stack([motion.force, *(-sliding[f] * directions[f] for f, _ in numbered)])
-    accelerations, multipliers = motion.solved(forces)
-    unit_wrenches = [friction_wrenches(friction, motion.unit) for friction in frictions]
-    # along each coordinate: frictions that slide without a load or stick, and changes of them
-    along = np.zeros((len(forces), len(frictions), len(motion.unit)))
-    along[0] = -np.array([friction.magnitude for friction in frictions])[:, None] * sliding[:, None]
-    along[:, sticking] = multipliers[:, :, stuck].transpose(0, 2, 1)
-    for column, (f, _) in enumerate(numbered, 1):
-        along[column, f] -= sliding[f]
-    needed: list[Array] = []
-    for column, (acceleration, multiplier, acting) in enumerate(
-        zip(accelerations, multipliers, along, strict=True)
-    ):
-        at_joints = in_joints(acceleration, multiplier) + (0.0 if column else motion.steady)
-        wrench = motion.inertial(acceleration, change=bool(column)) - motion.on_links(columns, at_joints)
-        wrench -= sum(
-            (force[:, None, None] * stack for force, stack in zip(acting, unit_wrenches, strict=True)), 0.0
-        )
-        needed.append(wrench if column else wrench - motion.wrenches)
-    signs = [
-        np.full(len(motion.unit), sliding[f]) if sliding[f] else -np.sign(along[0, f]) for f, _ in numbered
-    ]
-    magnitudes = friction_by_load(
-        motion.unit, np.stack(needed, -1), items, signs, [ratios[f] for f, _ in numbered], labels
-    ).T
-    loads = np.zeros((len(frictions), len(motion.unit)))
-    for (f, _), magnitude in zip(numbered, magnitudes, strict=True):
-        loads[f] += magnitude
-    return loads

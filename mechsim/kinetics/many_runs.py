@@ -1,7 +1,7 @@
 """Many runs of forward dynamics of one mechanism: C integrates them in threads."""
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from importlib import import_module
@@ -22,10 +22,11 @@ from mechsim.kinetics.compiled_motion import (
     scale_of,
 )
 from mechsim.kinetics.dynamic_run import (
+    ENERGIES,
     TOLERANCE,
-    DynamicRun,
     RecordedStates,
     initial_values,
+    joined,
     motion_in,
     recorded_states,
     require_regular,
@@ -46,7 +47,6 @@ if TYPE_CHECKING:
 
 # number of states whose motion is computed at once: their arrays take some 100 MB
 TOGETHER = 20_000
-ENERGIES = ("kinetic", "potential", "work", "lost")
 
 
 def run_many(
@@ -86,24 +86,43 @@ def run_many(
     count = len(next(iter((columns | designs).values())))
     require_settings(end, samples, tolerance)
     times = np.linspace(0.0, end, samples + 1)
-    settings: dict[str, Any] = {"duration": end, "samples": samples, "tolerance": tolerance}
+    table: dict[str, Array] = {}
+    # those of the runs in C
+    outcomes, executed = ["done"] * count, ["C"] * count
 
-    def single(source: Any, i: int) -> DynamicRun:
-        return run(source, forces, initial=_row(columns, i), **settings)
+    def add(rows: list[int], motions: Iterable[tuple[str, Array]]) -> None:
+        for name, values in motions:
+            if name not in table:
+                table[name] = np.full((count, len(times)), np.nan)
+            table[name][rows] = np.reshape(values, (len(rows), -1))
 
-    together, singles = None, dict[int, DynamicRun]()
+    remaining: Iterable[tuple[int, Any]]
     if designs:
         if not callable(source):
             raise InputError("parameters need a name, a file or a function of them as the source of the runs")
-        singles = {i: single(source(_row(designs, i)), i) for i in range(count)}
+        remaining = ((i, source(_row(designs, i))) for i in range(count))
     else:
         model: DynamicModel = source if isinstance(source, DynamicModel) else dynamic_model(source, forces)
-        together = _in_c(model, columns, times, tolerance, threads)
-        remaining = [i for i in range(count) if together is None or together[1][i] is None]
-        singles = {i: single(model, i) for i in remaining}
-    named = {f"initial {name}": column for name, column in columns.items()}
-    named |= {f"parameter {name}": column for name, column in designs.items()}
-    return _dataset(times, count, named, together, singles)
+        complete = set[int]()
+        for rows, motions in _in_c(model, columns, times, tolerance, threads):
+            add(rows, motions)
+            complete.update(rows)
+        remaining = ((i, model) for i in range(count) if i not in complete)
+    settings: dict[str, Any] = {"duration": end, "samples": samples, "tolerance": tolerance}
+    for i, design in remaining:
+        result = run(design, forces, initial=_row(columns, i), **settings)
+        outcomes[i], executed[i] = result.outcome, result.executed
+        if result.outcome == "done":
+            add([i], result.columns())
+    with needs("tables"):
+        library: Any = import_module("xarray")
+    variables: dict[str, Any] = {
+        name: (("run", "t"), values) for name, values in table.items() if name not in ("t", "angle")
+    }
+    variables |= {"outcome": ("run", outcomes), "executed": ("run", executed)}
+    coordinates = {"t": times} | {f"initial {name}": ("run", column) for name, column in columns.items()}
+    coordinates |= {f"parameter {name}": ("run", column) for name, column in designs.items()}
+    return library.Dataset(variables, coordinates)
 
 
 def _row(columns: Mapping[str, Array], i: int) -> dict[str, float]:
@@ -132,49 +151,48 @@ def _columns(
     return dict(zip(initial, rows[:first], strict=True)), dict(zip(parameters, rows[first:], strict=True))
 
 
-def _values(model: DynamicModel, columns: Mapping[str, Array]) -> InitialValues | None:
-    """Return the initial values of all runs together; None if they contain rotations."""
-    count = len(next(iter(columns.values())))
-    rows = [initial_values(model, _row(columns, i)) for i in range(count)]
-    if rows[0].rotations or rows[0].spins:
-        return None
-    return InitialValues(
-        {name: np.array([row.coordinates[name] for row in rows]) for name in rows[0].coordinates},
-        {name: np.array([row.rates[name] for row in rows]) for name in rows[0].rates},
-    )
-
-
 def _in_c(
     model: DynamicModel, columns: Mapping[str, Array], times: Array, tolerance: float, threads: int | None
-) -> tuple[EquationsOfMotion, list[RecordedStates | None]] | None:
-    """Return the states of each run that C integrates to its end; None if it integrates none.
+) -> Iterator[tuple[list[int], Iterable[tuple[str, Array]]]]:
+    """Yield the runs that C integrates to their end, in blocks: their numbers and columns, (runs * n,) each.
 
     Ranges, stops, gaps, Coulomb friction, stiff motion and links without inertia need decisions in numpy.
     """
-    values = _values(model, columns)
-    limited = getattr(model.solver, "ranges", {}) or model.forces.stop_ranges
-    if values is None or limited or opens(model.mechanism):
-        return None
-    equations = equations_of_motion(model, dict.fromkeys([*values.coordinates, *values.rates], 0.0))
-    q, rates = initial_state(equations, values)
     count = len(next(iter(columns.values())))
+    requested = [initial_values(model, _row(columns, i)) for i in range(count)]
+    limited = model.solver.ranges or model.forces.stop_ranges or opens(model.mechanism)
+    if limited or requested[0].rotations or requested[0].spins:
+        return
+    values = InitialValues(
+        {name: np.array([row.coordinates[name] for row in requested]) for name in requested[0].coordinates},
+        {name: np.array([row.rates[name] for row in requested]) for name in requested[0].rates},
+    )
+    equations = equations_of_motion(model, [*values.coordinates, *values.rates])
+    q, rates = initial_state(equations, values)
     q, rates = (q if len(q) == count else q.repeated(count)), np.broadcast_to(rates, (len(rates), count))
     start = equations.kinematics(q.select(np.arange(1)), rates[:, :1])
     first = Integration(start, tolerance)
     require_regular(equations.kinematics(q, rates))
     if equations.frictions or with_determined_motion(start) is not start:
-        return None
+        return
     compiled = first.prepared(float(times[-1]))
     if compiled is None:
-        return None
+        return
     unlocked = equations.rank, first.nearest_pivot(), first.right.mode, ()
     settings = StepSettings(
         first.tolerance, first.state, first.origin, first.longest, *unlocked, first.implicit
     )
     states = first.layout.replaced(np.tile(first.state, (count, 1)), q, rates)
     with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
-        results = pool.map(lambda state: _sampled(equations, compiled, settings, state, times), states)
-        return equations, [*results]
+        records = [*pool.map(lambda state: _sampled(equations, compiled, settings, state, times), states)]
+    complete = [(i, record) for i, record in enumerate(records) if record is not None]
+    block = max(1, TOGETHER // len(times))
+    for begin in range(0, len(complete), block):
+        rows, together = zip(*complete[begin : begin + block], strict=True)
+        record = joined(together)
+        motion = motion_in(equations, record.states, record.accelerations, np.tile(times, len(rows)))
+        energies = record.kinetic, record.potential, record.states[:, -2], record.states[:, -1]
+        yield [*rows], [*motion.columns(), *zip(ENERGIES, energies, strict=True)]
 
 
 def _sampled(
@@ -203,53 +221,3 @@ def _sampled(
         time, state, length = steps.time, steps.state, steps.length
         evaluations += steps.evaluations
     return None
-
-
-def _columns_of(
-    equations: EquationsOfMotion, records: Sequence[RecordedStates], times: Array
-) -> dict[str, Array]:
-    """Return the columns of runs recorded at instants (n,) in [s], (runs * n,) each."""
-    states, accelerations, kinetic, potential = (
-        np.concatenate([getattr(record, name) for record in records])
-        for name in ("states", "accelerations", "kinetic", "potential")
-    )
-    motion = motion_in(equations, states, accelerations, np.tile(times, len(records)))
-    energies = zip(ENERGIES, (kinetic, potential, states[:, -2], states[:, -1]), strict=True)
-    return dict(motion.columns()) | dict(energies)
-
-
-def _dataset(
-    times: Array,
-    count: int,
-    columns: Mapping[str, Array],
-    together: tuple[EquationsOfMotion, list[RecordedStates | None]] | None,
-    singles: Mapping[int, DynamicRun],
-) -> "Dataset":
-    """Return the runs as variables over `run` and `t`."""
-    table: dict[str, Array] = {}
-    complete = [i for i in range(count) if i not in singles]
-    if complete and together is not None:
-        equations, records = together
-        block = max(1, TOGETHER // len(times))
-        for first in range(0, len(complete), block):
-            rows = complete[first : first + block]
-            chosen = [record for i in rows if (record := records[i]) is not None]
-            for name, values in _columns_of(equations, chosen, times).items():
-                table.setdefault(name, np.full((count, len(times)), np.nan))
-                table[name][rows] = values.reshape(len(rows), len(times))
-    for i, single in singles.items():
-        if single.outcome == "done":
-            for name, values in single.columns():
-                table.setdefault(name, np.full((count, len(times)), np.nan))[i] = values
-    outcomes = [singles[i].outcome if i in singles else "done" for i in range(count)]
-    executed = [singles[i].executed if i in singles else "C" for i in range(count)]
-    with needs("tables"):
-        library: Any = import_module("xarray")
-    variables: dict[str, Any] = {
-        name: (("run", "t"), values) for name, values in table.items() if name not in ("t", "angle")
-    }
-    variables |= {"outcome": ("run", outcomes), "executed": ("run", executed)}
-    return library.Dataset(
-        variables,
-        {"t": times} | {name: ("run", values) for name, values in columns.items()},
-    )

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.kinematics.loops.kinematics import Coordinates, twists
+from mechsim.kinematics.loops.kinematics import twists
 from mechsim.kinetics.equations_of_motion import EquationsOfMotion, Kinematics
 from mechsim.mechanism.joint_kinds import KINDS
 from mechsim.numerics.arrays import Array
@@ -30,7 +30,7 @@ def with_determined_motion(state: Kinematics) -> Kinematics:
         InputError: if the loops allow another motion that moves no mass, so that its acceleration is
             undetermined, and for a force or a rate about the axis of a passive rotation.
     """
-    equations, rates = state.equations, state.rates
+    equations = state.equations
     mass, null = state.mass[0], null_space(state.jacobian[0])
     values, vectors = np.linalg.eigh(null @ mass @ null.T)
     empty = values <= NO_INERTIA * np.trace(mass)
@@ -45,7 +45,11 @@ def with_determined_motion(state: Kinematics) -> Kinematics:
         local = np.einsum("lji,lj->li", state.poses.rotation[equations.links, ..., 0], spins)
         moments += moment * np.einsum("li,lj->lij", local, local)
     equations = replace(equations, added_moments=moments)
-    return equations.kinematics(state.q, _without_spin(equations, state.q, rates, directions))
+    # rates without momentum along the passive rotations
+    momenta = directions.T @ equations.kinematics(state.q, state.rates).mass[0]
+    rates, free = state.rates.copy(), equations.free
+    rates[free] -= directions @ np.linalg.solve(momenta @ directions, momenta @ state.rates[free])
+    return equations.kinematics(state.q, rates)
 
 
 def require_idle(equations: EquationsOfMotion, state: Kinematics, directions: Array) -> None:
@@ -82,9 +86,8 @@ def _rotates_in_place(equations: EquationsOfMotion, state: Kinematics, direction
     """Return whether links only rotate about lines through their centres of mass and their joints."""
     mechanism = equations.model.mechanism
     floating = {joint.name for joint in mechanism.joints if KINDS[joint.kind].floating}
-    for number, (link, twist) in enumerate(
-        zip(mechanism.links, _twists(equations, state, direction), strict=True)
-    ):
+    twists_of_links = _twists(equations, state, direction)
+    for link, index, twist in zip(mechanism.links, equations.links, twists_of_links, strict=True):
         points = [
             end.point
             for joint in mechanism.joints
@@ -93,20 +96,9 @@ def _rotates_in_place(equations: EquationsOfMotion, state: Kinematics, direction
         ]
         if link.inertia is not None and link.inertia.mass:
             points.append(link.inertia.centre)
-        index = equations.links[number]
         rotation, origin = state.poses.rotation[index, ..., 0], state.poses.position[index, :, 0]
         for point in points:
             velocity = twist[:3] + np.cross(twist[3:], origin + rotation @ np.array(point))
             if np.abs(velocity).max() > ROUNDING * mechanism.characteristic_length:
                 return False
     return True
-
-
-def _without_spin(equations: EquationsOfMotion, q: Coordinates, rates: Array, directions: Array) -> Array:
-    """Return rates without momentum along the passive rotations."""
-    momenta = directions.T @ equations.kinematics(q, rates).mass[0]
-    result = rates.copy()
-    result[equations.free] -= directions @ np.linalg.solve(
-        momenta @ directions, momenta @ rates[equations.free]
-    )
-    return result

@@ -168,32 +168,25 @@ def crossing(
         approach: time in [s] to the singular configuration at the present rate of approach.
         ahead: times (n,) in [s] -> extrapolated states (n, size).
     """
-    conditioning, duration = equations.conditioning(state), 2.0 * approach
+    start, duration = equations.conditioning(state), 2.0 * approach
     for _ in range(CROSSINGS):
         beyond = equations.conditioning(ahead(np.array([time + duration]))[0])
-        if beyond > conditioning:
-            # the smallest singular value is proportional to the distance on both sides
-            return _across(
-                equations, time, state, duration * 2.0 * conditioning / (conditioning + beyond), ahead
-            )
+        if beyond > start:
+            break
         duration *= 1.5
-    return None
-
-
-def _across(
-    equations: RightHandSide, time: float, state: Array, duration: float, ahead: Callable[[Array], Array]
-) -> StepSolution | None:
-    """Return the solution over a duration in [s] with the singular configuration in its middle."""
-    guess = ahead(node_times(time, duration, NODES))
+    else:
+        return None
+    # the smallest singular value is proportional to the distance on both sides: the singular configuration
+    # lies in the middle of this duration
+    duration = duration * 2.0 * start / (start + beyond)
+    times = node_times(time, duration, NODES)
     tolerance = CONVERGED * (1.0 + np.abs(state))
-    result = collocated(equations.on_loops, time, state, duration, guess, tolerance, ROUNDING)
+    result = collocated(equations.on_loops, time, state, duration, ahead(times), tolerance, ROUNDING)
     if result is None:
         return None
     solution, _ = result
-    middle = equations.conditioning(solution(time + 0.5 * duration))
-    if middle > PASSING * equations.conditioning(state):
+    if equations.conditioning(solution(time + 0.5 * duration)) > PASSING * start:
         return None
-    times = node_times(time, duration, NODES)
     nodes = solution(times)
     distance = np.abs(nodes - equations.nearest_on_loops(times, nodes))[:, : equations.layout.positions]
     return solution if distance.max() <= ON_LOOPS else None

@@ -61,19 +61,16 @@ def singular_passages(
     values = participation(times)
     inner, limit = values[1:-1], float(values.max())
     lowest = (inner < values[:-2]) & (inner <= values[2:]) & (inner < REFINED * limit)
-    instants: list[float] = []
-    for i in (np.flatnonzero(lowest) + 1).tolist():
-        instant, least = _least(participation, times[i - 1], times[i + 1])
-        if least < SINGULAR * limit:
-            instants.append(instant)
-    return tuple(instants)
-
-
-def _least(function: Callable[[Array], Array], low: float, high: float) -> tuple[float, float]:
-    """Return the argument of the least value of a function (n,) -> (n,) in an interval, and that value."""
+    if not lowest.any():
+        return ()
     from scipy.optimize import minimize_scalar
 
-    minimum: Any = minimize_scalar(
-        lambda argument: float(function(np.array([argument]))[0]), bounds=(low, high), method="bounded"
-    )
-    return float(minimum.x), float(minimum.fun)
+    def refined(i: int) -> Any:
+        """Return the minimum between the instants next to inner one i."""
+        interval = times[i], times[i + 2]
+        return minimize_scalar(
+            lambda t: float(participation(np.array([t]))[0]), bounds=interval, method="bounded"
+        )
+
+    minima = [refined(i) for i in np.flatnonzero(lowest).tolist()]
+    return tuple(float(minimum.x) for minimum in minima if minimum.fun < SINGULAR * limit)

@@ -149,9 +149,8 @@ def displacement_of(name: str, mechanism: Mechanism) -> tuple[Quantity, int]:
     if result.function is not None or len(result.columns) != 1:
         raise InputError(f"{name} has no linear response; give a component such as P.vx or J.v")
     (column,) = result.columns
-    if column.source == "point":
-        return numeric_quantity(f"{column.subject}.{column.name[-1]}", mechanism), result.order
-    return numeric_quantity(column.subject, mechanism), result.order
+    position = f"{column.subject}.{column.name[-1]}" if column.source == "point" else column.subject
+    return numeric_quantity(position, mechanism), result.order
 
 
 def change_from(
