@@ -12,7 +12,7 @@ mechanical systems with algebraic constraints, SIAM Journal on Numerical Analysi
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -124,9 +124,9 @@ INSTANTS = np.concatenate([[0.0], np.geomspace(1e-7, 1e-2, 10), np.linspace(0.0,
 # the same within each step in C, which is a tenth as long: one instant per variation of the dense output; and
 # within one by collocation
 WITHIN, WITHIN_STIFF = 4, 16
-# numbers of steps that C takes before events are searched: few at first, as those beyond an event are lost,
-# unless C watches for it
-FEW_STEPS, WATCHED_STEPS, MANY_STEPS = 8, 64, 512
+# numbers of steps that C takes before events are searched: those beyond an event are lost, few where contacts
+# change, some where the run may end
+FEW_STEPS, SOME_STEPS, MANY_STEPS = 8, 64, 512
 # difference of the instants of simultaneous events, relative to the longest interval of the search: rounding
 SIMULTANEOUS = 1e-10
 
@@ -410,8 +410,7 @@ class Integration:
             self.watched,
         )
         eventful = bool(self.contacts.stops or self.equations.frictions or mode.phases)
-        few = FEW_STEPS if self.watched == NOTHING else WATCHED_STEPS
-        max_steps, length = FEW_STEPS if eventful else few if self.ends else MANY_STEPS, 0.0
+        max_steps, length = FEW_STEPS if eventful else SOME_STEPS if self.ends else MANY_STEPS, 0.0
         while self.time < duration:
             balance = (self.balance.correction, self.balance.largest, self.balance.drift, self.fastest)
             steps = integrated(
@@ -655,11 +654,8 @@ class Integration:
         if not (functions or self.contacts.stops):
             return None
         times = search_instants(dense, before, after)
-
-        def states_at(times: Array) -> Kinematics:
-            return self.right.kinematics(dense(times))
-
-        event, hit = first_event(functions, states_at, times), self._first_hit(dense, times)
+        event = first_event(functions, lambda times: self.right.kinematics(dense(times)), times)
+        hit = self._first_hit(dense, times) if self.contacts.stops else None
         if hit is None or (event is not None and event[0] <= hit + _simultaneous(times)):
             return event
         return hit, MODE
@@ -759,11 +755,15 @@ def first_event(
             crosses |= (low < 0.0) & (high >= 0.0)
         earliest = np.argmax(crosses, 1)
         for row in sorted(np.flatnonzero(crosses.any(1)).tolist(), key=lambda row: earliest[row]):
-            before, after = times[earliest[row] : earliest[row] + 2].tolist()
+            around = slice(earliest[row], earliest[row] + 2)
+            before, after = times[around].tolist()
             if first is not None and before > first[0]:
                 break
+            samples = dict(zip((before, after), values[row, around].tolist(), strict=True))
 
-            def value(time: float, function: EventFunction = function, row: int = row) -> float:
+            def value(time: float, function: Any = function, row: int = row, samples: Any = samples) -> float:
+                if time in samples:
+                    return samples[time]
                 instants = np.array([time])
                 return float(np.atleast_2d(function(states_at(instants), instants))[row, 0])
 

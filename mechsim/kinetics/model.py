@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,7 +20,7 @@ from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.motion import Motion, at_unit_speed, short_repr
 from mechsim.mechanism.motion_laws import MotionLaws
 
-# number of models whose equations are not set up again when they run again
+# number of sources and models that are not set up again when they run again
 REPEATED = 4
 
 
@@ -84,7 +86,7 @@ def dynamic_model(
     density: float = STEEL,
     diameter: float | str | None = None,
 ) -> DynamicModel:
-    """Return a catalogue mechanism, or any other, as a dynamic model.
+    """Return a catalogue mechanism, or any other, as a dynamic model: the last one of the same objects.
 
     Args:
         source: a catalogue mechanism, solved by its closed form, or any mechanism, solved by its loop
@@ -100,6 +102,25 @@ def dynamic_model(
         InputError: for forces at unknown joints, points or links, and for the policy "branch" at change
             points, where speeds of links would be discontinuous.
     """
+    return _made(*map(_Same, (source, forces, mechanism, density, diameter)))
+
+
+class _Same:
+    """An argument that equals another one if both are one object, whose dimensions do not change."""
+
+    def __init__(self, value: Any) -> None:
+        self.value = value
+
+    def __hash__(self) -> int:
+        return id(self.value)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Same) and self.value is other.value
+
+
+@lru_cache(maxsize=REPEATED)
+def _made(*arguments: _Same) -> DynamicModel:
+    source, forces, mechanism, density, diameter = (argument.value for argument in arguments)
     solver = KinematicSolver(source) if isinstance(source, Mechanism) else source
     if not isinstance(solver, KinematicSolver):  # pyright: ignore[reportUnnecessaryIsInstance]
         raise InputError(

@@ -18,11 +18,25 @@ from mechsim.mechanism.quantity import Quantity, record_columns
 from mechsim.numerics.arrays import Array, cross, wrapped
 
 
-def motion_of(equations: EquationsOfMotion, state: Kinematics, accelerations: Array, times: Array) -> Motion:
-    """Return the motion of links, joints and points at n states and their accelerations, (count, n)."""
+def motion_of(
+    equations: EquationsOfMotion,
+    state: Kinematics,
+    accelerations: Array | None,
+    times: Array,
+    only: Quantity | None = None,
+) -> Motion:
+    """Return the motion of links, joints and points at n states and their accelerations, (count, n), or none.
+
+    If `only` a quantity is needed, it contains the first driver, and the joints and points of that.
+    """
     tree, mechanism = equations.loops.tree, equations.model.mechanism
-    scale = equations.loops.units[:, None]
-    spatial = state.bias + twists(tree, state.poses, accelerations * scale)
+    names, scale = None, equations.loops.units[:, None]
+    if only is not None:
+        names = {*only.subjects("joint"), *only.subjects("point"), *mechanism.drivers[:1]}
+    second, spatial = np.zeros_like(state.rates), np.zeros_like(state.twist)
+    if accelerations is not None:
+        second = accelerations * scale
+        spatial = state.bias + twists(tree, state.poses, second)
     origins, rotations = state.poses.position.transpose(0, 2, 1), state.poses.rotation.transpose(0, 3, 1, 2)
     (linear, spins), (linear_second, spins_second) = (
         np.split(values.transpose(0, 2, 1), 2, 2) for values in (state.twist, spatial)
@@ -31,15 +45,16 @@ def motion_of(equations: EquationsOfMotion, state: Kinematics, accelerations: Ar
     accelerations_of = linear_second + cross(spins_second, origins) + cross(spins, velocities)
     motions = origins, rotations, velocities, spins, accelerations_of, spins_second
     links = {name: LinkMotion(*(values[i] for values in motions)) for name, i in tree.links.items()}
-    values = state.q.values, state.rates * scale, accelerations * scale
-    joints = tree_joint_motions(tree, mechanism.joints, links, values)
+    values = state.q.values, state.rates * scale, second
+    needed = [j for j in mechanism.joints if names is None or not names.isdisjoint(j.coordinates)]
+    joints = tree_joint_motions(tree, needed, links, values)
     first = leading_joint(joints, mechanism.drivers, len(times))
     return Motion(
         source="loop equations",
         angle=first.value,
         speed=first.rate,
         acceleration=first.acceleration,
-        points=tracked_points(mechanism, links),
+        points=tracked_points(mechanism, links, names),
         links=links,
         joints=joints,
         time=times,
@@ -72,7 +87,7 @@ def state_quantity(name: str, mechanism: Mechanism) -> Quantity:
 
 def values_at(equations: EquationsOfMotion, quantity: Quantity, state: Kinematics) -> Array:
     """Return a quantity at n states, (n,)."""
-    motion = motion_of(equations, state, np.zeros_like(state.rates), np.zeros(len(state.q)))
+    motion = motion_of(equations, state, None, np.zeros(len(state.q)), quantity)
     return quantity.number(record_columns(motion, [quantity]))
 
 

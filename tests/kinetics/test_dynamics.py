@@ -290,3 +290,11 @@ def test_batches_of_instants_give_the_same_forces(name, monkeypatch):
     np.testing.assert_array_equal(batches.forces.sliding, whole.forces.sliding)
     for joint, item in whole.forces.reactions.items():
         np.testing.assert_array_equal(batches.forces.reactions[joint].determined, item.determined)
+
+
+def test_a_model_is_made_once_for_the_same_mechanism_and_forces():
+    solver, weight = catalog.make("four_bar"), Forces(gravity=(0.0, -9.81, 0.0))
+    model = dynamics.dynamic_model(solver, weight)
+    assert dynamics.dynamic_model(solver, weight) is model
+    assert dynamics.dynamic_model(catalog.make("four_bar"), weight).mechanism is not model.mechanism
+    assert dynamics.dynamic_model(solver, Forces()).forces.gravity == (0.0, 0.0, 0.0)
