@@ -5,7 +5,7 @@ The table `cases.toml` of a folder has a row for each test, named by a sentence.
 - `why`: the formula or source of the values, and what the test shows;
 - `model`: a file of `tests/models/` or a name of the catalogue or gallery, with `fields` (values of its
   `${fields}`, or parameters), `changes` (pairs of an old and a new text), `more` (text at its end) and
-  `load` (options of `ms.load`);
+  `load` (options of `ms.load`, or false for a call that takes the name or the file);
 - `call`: a function of `mechsim`, which takes the loaded model, `arguments` and `options`, or `.NAME`, a
   method of the model; or `command`, words of a command in which MODEL stands for the file;
 - `expected`: right values by the path to them: attributes, keys, indices, methods without arguments and
@@ -136,9 +136,10 @@ def file_of(row: Row, *changes: Sequence[str]) -> str:
 
 
 def loaded(row: Row, *changes: Sequence[str]) -> Any:
-    """Return the solver of a row's model, with further changes of its text."""
+    """Return the solver of a row's model, or its name or file, with further changes of its text."""
     plain = not {"fields", "changes", "more"} & row.keys() and not changes and "." not in row["model"]
-    return ms.load(row["model"] if plain else file_of(row, *changes), **row.get("load", {}))
+    source, options = row["model"] if plain else file_of(row, *changes), row.get("load", {})
+    return source if options is False else ms.load(source, **options)
 
 
 def agree_with_mujoco(row: Row, result: Any) -> None:
