@@ -1,18 +1,19 @@
 """The equations of motion in C against those in numpy, and runs without a usable compiler."""
 
 import stat
+import tomllib
 from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
 import pytest
-from model_files import model_text
+from model_files import FOLDER, load_model
 from scipy.integrate import solve_ivp
 
 import mechsim as ms
 from mechsim.errors import InputError
 from mechsim.io import catalog
-from mechsim.io.law_text import combine_components, control_law, parse_component
+from mechsim.io.law_text import control_law
 from mechsim.kinetics import compiled_model as in_c
 from mechsim.kinetics.compiled_motion import evaluated
 from mechsim.kinetics.contacts import ContactMode, Contacts
@@ -27,14 +28,25 @@ from mechsim.mechanism.joint_kinds import KINDS, Kind
 from mechsim.mechanism.joints import Coupling, End, Joint
 from mechsim.mechanism.load_profile import constant, function, table
 from mechsim.mechanism.masses import slender_rod
-from mechsim.mechanism.motors import ConstantTorque, Controller, DCMotor, Geared, TorqueSpeedLine
+from mechsim.mechanism.motors import TorqueSpeedLine
 from mechsim.mechanism.nonlinear_springs import NonlinearSpring, SoftStop, SpringLaw
 from mechsim.numerics import c_library
 
 GALLERY = sorted((catalog.models() / "gallery").glob("*.toml"))
 RODS = catalog.models() / "machines" / "peaucellier_rods.toml"
-MODELS = ["four_bar", "slider_crank", "rssr", "rrsrr", "bennett", "warp_knitter", "looper", RODS, *GALLERY]
-FREE_BODY = model_text("compiled_dynamics_free_body.xml")
+FREE_BODY = FOLDER / "compiled_dynamics_free_body.xml"
+MODELS = [
+    FREE_BODY,
+    "four_bar",
+    "slider_crank",
+    "rssr",
+    "rrsrr",
+    "bennett",
+    "warp_knitter",
+    "looper",
+    RODS,
+    *GALLERY,
+]
 
 
 def every_force(mechanism):
@@ -88,89 +100,98 @@ def both(model, seed, forces=None, time=0.0):
     return right.derivatives(np.array([time]), state[None])[0], result.derivatives[0]
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("model", MODELS, ids=lambda model: Path(model).stem)
-def test_every_force_is_the_same_in_c_and_in_numpy(model):
-    for seed in range(3):
-        expected, result = both(model, seed)
-        # rrsrr has a link that turns almost without inertia, which multiplies rounding
-        assert np.abs(result - expected).max() <= 1e-9 * np.abs(expected).max()
+def soft_stops(model, joint, depth, damping):
+    """Return stops on both sides of a joint that are reached, or open at a negative depth."""
+    equations = equations_of_motion(ms.dynamics.dynamic_model(ms.load(model, still=True).mechanism, Forces()))
+    angle = float(equations.start.values[equations.loops.tree.index_of[joint], 0])
+    stops = [SoftStop(angle - side * depth, side, 50.0, damping) for side in (-1.0, 1.0)]
+    return Forces(nonlinear_springs=tuple(NonlinearSpring(joint, stop) for stop in stops))
 
 
-@pytest.mark.parametrize(
-    "motor", [ConstantTorque(2.0), DCMotor(12.0, 0.8, 0.05), Geared(DCMotor(12.0, 0.8, 0.05), -3.0)]
-)
-def test_every_motor_is_the_same_in_c_and_in_numpy(motor):
-    expected, result = both("four_bar", 1, Forces(motor=motor))
-    np.testing.assert_allclose(result, expected, rtol=1e-12, atol=1e-12 * np.abs(expected).max())
-    without, _ = both("four_bar", 1, Forces())
-    assert np.abs(result - without).max() > 1e-3
+def springs(law):
+    """Return springs of a law in a joint and between points."""
+    between = NonlinearSpring(("B", ("ground", (0.3, -0.2, 0.1))), law)
+    return Forces(nonlinear_springs=(NonlinearSpring("B", law), between))
 
 
-@pytest.mark.parametrize("model", ["four_bar", "rssr"])
-def test_friction_by_the_curve_of_stribeck_is_the_same_in_c_and_in_numpy(model):
-    joints = [joint.name for joint in ms.load(model).mechanism.joints if KINDS[joint.kind].single]
-    falling = tuple(Friction(name, coulomb=0.2, static=0.5, stribeck=0.8) for name in joints)
-    expected, result = both(model, 2, Forces(friction=falling))
-    np.testing.assert_allclose(result, expected, rtol=1e-11, atol=1e-11 * np.abs(expected).max())
-    constant_friction, _ = both(model, 2, Forces(friction=tuple(Friction(j, coulomb=0.2) for j in joints)))
-    assert np.abs(result - constant_friction).max() > 1e-2 * np.abs(expected).max()
-
-
-@pytest.mark.parametrize("static", [0.0, 0.5])
-def test_friction_with_bristles_is_the_same_in_c_and_in_numpy(static):
-    curve = {"static": static, "stribeck": 0.8} if static else {}
-    row = Friction("crank", 0.1, 0.2, bristle_stiffness=9.0, bristle_damping=0.7, **curve)
-    expected, result = both("four_bar", 2, with_bristles(Forces(friction=(row,))))
-    np.testing.assert_allclose(result, expected, rtol=1e-12, atol=1e-12 * np.abs(expected).max())
-    steady, _ = both("four_bar", 2, Forces(friction=(row,)))
-    assert np.abs(result[:-3] - steady[:-2]).max() > 1e-2 * np.abs(expected).max()
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("model", ["four_bar", "slider_crank", "rssr", "rrsrr"])
-def test_friction_by_the_load_is_the_same_in_c_and_in_numpy(model):
-    joints = ms.load(model).mechanism.joints
-    pins = {"coefficient": 0.1, "pin_radius": 4e-3}
-    collars = {"collar_radius": 3e-3, "bearing_length": 0.05}
-    falling = {"static": 0.15, "stribeck": 0.8, "coulomb": 0.01}
-    frictions = [
-        Friction(joint.name, **pins, **(collars | falling if KINDS[joint.kind].single else {}))
-        for joint in joints
-        if KINDS[joint.kind].single or (KINDS[joint.kind].ball and KINDS[joint.kind].pivot)
-    ]
-    forces = Forces(friction=tuple(frictions), crank_torque=constant(0.7))
-    for seed in range(3):
-        expected, result = both(model, seed, forces)
-        assert np.abs(result - expected).max() <= 1e-9 * np.abs(expected).max()
-    without, _ = both(model, 0, Forces(crank_torque=constant(0.7)))
-    assert np.abs(both(model, 0, forces)[1] - without).max() > 1e-3 * np.abs(without).max()
-
-
-WRITTEN = SpringLaw(30.0, 0.01, 0.2, 0.5, "k*(l**2 + sin(l)) + 0.1*v*abs(v)", ("k",), (4.0,))
-
-
-@pytest.mark.parametrize(("model", "joint", "point"), [("four_bar", "B", "B"), ("rssr", "crank", "P3")])
-def test_springs_by_expression_are_the_same_in_c_and_in_numpy(model, joint, point):
-    springs = (
-        NonlinearSpring(joint, WRITTEN, "in a joint"),
-        NonlinearSpring((point, ("ground", (0.3, -0.2, 0.1))), WRITTEN, "between points"),
-    )
-    for seed in range(3):
-        expected, result = both(model, seed, Forces(nonlinear_springs=springs))
-        np.testing.assert_allclose(result, expected, rtol=1e-11, atol=1e-11 * np.abs(expected).max())
-
-
+WRITTEN = tomllib.loads(Path(__file__).with_name("forces_in_c.toml").read_text("utf-8"))
 POSITIONS = np.linspace(-7.0, 7.0, 40)
 ROWS = tuple(POSITIONS.tolist()), tuple((40.0 * np.sin(POSITIONS) + POSITIONS).tolist())
+OVER_LENGTH, OVER_RATE = (
+    SpringLaw(3.0, 0.1, 0.2, 0.5, "0.3*l*v", table=TabledFunction("spring.csv", *ROWS), over=over)
+    for over in ("l", "v")
+)
+ANGLES = np.linspace(0.5, 0.5 + 2.0 * np.pi, 19)
+# a filter with every setting, a control beyond its range, and a state beyond its own
+ACTUATORS = (
+    Actuator(
+        "filter",
+        {"crank": 2.0, "A": -0.5},
+        control_law("0.1+sin(3*t)", "filter"),
+        gain=(1.0, 0.2, 0.1),
+        bias=(0.1, -2.0, -0.1),
+        direct=(0.3, 0.2),
+        inflow=(20.0, -15.0, 0.2, -0.3),
+        force_range=(-3.0, 9.0),
+        inertia=1e-4,
+    ),
+    Actuator("clipped", {"crank": 1.0}, control_law("2*cos(t)", "clipped"), control_range=(-1.0, 1.0)),
+    Actuator("full", {"A": 1.0}, control_law("1", "full"), inflow=(9.0, 0, 0, 0), state_range=(-1, 0.2)),
+)
+TABLES = {
+    "springs by a table over length": springs(OVER_LENGTH),
+    "springs by a table over rate": springs(OVER_RATE),
+    "torque": Forces(crank_torque=table([0.0, 0.3, 1.0], [0.1, 0.2, 0.4], over="time")),
+    "load": Forces(loads=(Load("A", table(ANGLES, np.stack([np.sin(k * ANGLES) for k in (1, 2, 3)], 1))),)),
+    "couple": Forces(
+        couples=(Couple("coupler", table(ANGLES, np.stack([np.cos(ANGLES)] * 3, 1), smooth=True)),)
+    ),
+    "actuators": Forces(actuators=ACTUATORS, armature={"crank": 2e-4}),
+}
 
 
-@pytest.mark.parametrize("over", ["l", "v"])
-def test_springs_by_a_table_are_the_same_in_c_and_in_numpy(over):
-    law = SpringLaw(3.0, 0.1, 0.2, 0.5, "0.3*l*v", table=TabledFunction("spring.csv", *ROWS), over=over)
-    springs = (NonlinearSpring("B", law), NonlinearSpring(("B", ("ground", (0.3, -0.2, 0.1))), law))
-    for seed in range(3):
-        expected, result = both("four_bar", seed, Forces(nonlinear_springs=springs))
+def assert_same(model, tolerance, forces=None):
+    """Check that C has the accelerations of numpy, and that they differ from those without the forces."""
+    for seed, time in ((1, 0.0), (2, 0.7)):
+        expected, result = both(model, seed, forces, time)
+        assert np.abs(result - expected).max() <= tolerance * np.abs(expected).max()
+        without, _ = both(model, seed, Forces(), time)
+        assert np.abs(result[: len(without) - 2] - without[:-2]).max() > 1e-3
+
+
+def marked(names, quick=()):
+    return [name if name in quick else pytest.param(name, marks=pytest.mark.long) for name in names]
+
+
+@pytest.mark.parametrize("name", marked(WRITTEN, [name for name, row in WRITTEN.items() if "quick" in row]))
+def test_written_forces_are_the_same_in_c_and_in_numpy(name):
+    row = WRITTEN[name]
+    model = row.get("model", "four_bar")
+    solver = load_model(model, more=f"[forces]\ngravity = [0, 0, 0]\n{row['text']}", still=True)
+    assert_same(model, row["tolerance"], with_bristles(solver.forces))
+
+
+@pytest.mark.parametrize("name", marked(TABLES, ["actuators"]))
+def test_tables_and_actuators_are_the_same_in_c_and_in_numpy(name):
+    assert_same("four_bar", 1e-11, TABLES[name])
+
+
+@pytest.mark.parametrize("model", marked(MODELS, [FREE_BODY]), ids=lambda model: Path(model).stem)
+def test_every_force_is_the_same_in_c_and_in_numpy(model):
+    # rrsrr has a link that turns almost without inertia, which multiplies rounding
+    assert_same(model, 1e-12 if model == FREE_BODY else 1e-9)
+
+
+# a strong damper lets the joint go on one side
+@pytest.mark.parametrize("damping", [0.1, 400.0])
+@pytest.mark.parametrize(("model", "joint"), [("four_bar", "B"), ("rssr", "crank")])
+def test_soft_stops_that_press_are_the_same_in_c_and_in_numpy(model, joint, damping):
+    assert_same(model, 1e-11, soft_stops(model, joint, 0.3, damping))
+
+
+def test_open_soft_stops_have_no_force_in_c_either():
+    for model, joint in (("four_bar", "B"), ("rssr", "crank")):
+        expected, result = both(model, 1, soft_stops(model, joint, -0.3, 2.0))
         np.testing.assert_allclose(result, expected, rtol=1e-11, atol=1e-11 * np.abs(expected).max())
 
 
@@ -208,83 +229,6 @@ def test_coupling_functions_are_the_same_in_c_and_in_numpy(name):
         expected = right.derivatives(np.zeros(1), state)
         result = evaluated(model, state, np.zeros(1), right.mode).derivatives
         np.testing.assert_allclose(result, expected, rtol=1e-10, atol=1e-12 * np.abs(expected).max())
-
-
-@pytest.mark.parametrize(("model", "joint"), [("four_bar", "B"), ("rssr", "crank")])
-def test_soft_stops_are_the_same_in_c_and_in_numpy(model, joint):
-    """One is open; one presses; of the third, for one of both sides, a strong damper lets the joint go."""
-    equations = equations_of_motion(ms.dynamics.dynamic_model(ms.load(model, still=True).mechanism, Forces()))
-    angle = float(equations.start.values[equations.loops.tree.index_of[joint], 0])
-    for side in (-1.0, 1.0):
-        for depth, damping in ((-0.3, 2.0), (0.3, 0.1), (0.3, 400.0)):
-            law = SoftStop(angle - side * depth, side, 50.0, damping)
-            expected, result = both(model, 1, Forces(nonlinear_springs=(NonlinearSpring(joint, law),)))
-            np.testing.assert_allclose(result, expected, rtol=1e-11, atol=1e-11 * np.abs(expected).max())
-
-
-EVERY_FUNCTION = (
-    "-crank.q*A.v**2/(3+sin(crank.q)) + atan2(crank.q, 2-t) - min(A.q, B.v, 0.1)*tan(0.1*t) + abs(A.v)**0.5"
-    " + exp(-t)*acos(0.2*sin(A.q)) + asin(0.1)*log(2+t) - sqrt(3+crank.q**2) + max(crank.q, -1)*atan(B.q)"
-    " + cos(A.v)"
-)
-
-
-def along(*texts):
-    """Return a load with these components."""
-    return combine_components([parse_component(text, "load", "N", {"k": 0.3}) for text in texts])
-
-
-ANGLES = np.linspace(0.5, 0.5 + 2.0 * np.pi, 19)
-VARYING = [
-    Forces(
-        loads=(Load("A", along("k*sin(20*t)", "2N*t", "0*t")),),
-        couples=(Couple("coupler", along("0*angle", "0*angle", "k*cos(angle)")),),
-    ),
-    Forces(controllers=(Controller("A", EVERY_FUNCTION), Controller("crank", "0.2*sin(t) - 0.1*crank.v"))),
-    Forces(crank_torque=along("0.1 + 0.2*cos(t) + k*sin(t)")),
-    Forces(crank_torque=along("0.1 + 0.2*cos(angle) - 0.1*cos(2*angle) + k*sin(angle)")),
-    Forces(crank_torque=table([0.0, 0.3, 1.0], [0.1, 0.2, 0.4], over="time")),
-    Forces(loads=(Load("A", table(ANGLES, np.stack([np.sin(k * ANGLES) for k in (1, 2, 3)], 1))),)),
-    Forces(couples=(Couple("coupler", table(ANGLES, np.stack([np.cos(ANGLES)] * 3, 1), smooth=True)),)),
-    Forces(
-        actuators=(
-            Actuator(
-                "filter",
-                {"crank": 2.0, "A": -0.5},
-                control_law("0.1+sin(3*t)", "filter"),
-                gain=(1.0, 0.2, 0.1),
-                bias=(0.1, -2.0, -0.1),
-                direct=(0.3, 0.2),
-                inflow=(20.0, -15.0, 0.2, -0.3),
-                force_range=(-3.0, 9.0),
-                inertia=1e-4,
-            ),
-            Actuator(
-                "clipped", {"crank": 1.0}, control_law("2*cos(t)", "clipped"), control_range=(-1.0, 1.0)
-            ),
-            Actuator(
-                "full", {"A": 1.0}, control_law("1", "full"), inflow=(9.0, 0, 0, 0), state_range=(-1, 0.2)
-            ),
-        ),
-        armature={"crank": 2e-4},
-    ),
-]
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("number", range(len(VARYING)))
-def test_forces_over_time_and_state_are_the_same_in_c_and_in_numpy(number):
-    for time in (0.0, 0.7):
-        expected, result = both("four_bar", 1, VARYING[number], time)
-        np.testing.assert_allclose(result, expected, rtol=1e-12, atol=1e-12 * np.abs(expected).max())
-        without, _ = both("four_bar", 1, Forces())
-        assert np.abs(result[: len(without) - 2] - without[:-2]).max() > 1e-3
-
-
-def test_a_free_body_is_the_same_in_c_and_in_numpy(tmp_path):
-    (tmp_path / "plate.xml").write_text(FREE_BODY)
-    expected, result = both(tmp_path / "plate.xml", 2)
-    np.testing.assert_allclose(result, expected, atol=1e-12 * np.abs(expected).max())
 
 
 def run_of(forces=None, **options):
