@@ -11,7 +11,6 @@ regard of the impact.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
@@ -21,11 +20,15 @@ from mechsim.kinetics.prescribed_motion import prescribed_along
 from mechsim.mechanism.cams import Cam
 from mechsim.mechanism.joints import Coupling
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.newton import root
+from mechsim.numerics.newton import roots
 from mechsim.numerics.peaks import peak
 
 # intervals into which one with a least force next to zero is divided
 FINER = 32
+# largest step of a driver in [rad] or [m] between instants, and largest number of steps from row to row
+STEP, MAX_STEPS = np.pi / 36.0, 50
+# largest number of instants that a sentence lists
+MAX_SHOWN = 4
 # force of a coupling relative to the largest one of the drives that is rounding
 ROUNDING = 1e-13
 
@@ -62,17 +65,16 @@ class ContactForce:
 
     def sentence(self, name: str) -> str:
         """Return in words whether the contact stays closed, or the rope taut."""
-        instants = ", ".join(f"{time:.10g}" for time in self.changes)
+        instants = self._instants()
         interval = f"{self.least:.6g} to {self.largest:.6g}"
         reached = f"would reach {self.least:.6g} N at {self.least_at:.6g} s"
         if self.rope:
             if self.least >= 0.0:
                 return f"{name}: the rope is taut, under {interval} N"
-            instants = instants or "no instant"
-            return f"{name}: the rope goes slack: its tension changes sign at {instants} s and {reached}"
+            return f"{name}: the rope goes slack: its tension changes sign {instants} and {reached}"
         if self.backlash:
             flank = (
-                f"at {instants} s the other flank carries" if instants else "one flank carries all the time"
+                f"{instants} the other flank carries" if self.changes else "one flank carries all the time"
             )
             return (
                 f"{name}: {flank}, under {interval} N m or N; a change moves the driven side by "
@@ -83,11 +85,17 @@ class ContactForce:
                 return f"{name}: the contact would have to pull, up to {-self.least:.6g} N, all the time"
             return f"{name}: the contact pushes with {interval} N"
         if not self.one_sided:
-            return f"{name}: the other flank carries from {instants} s on, up to {-self.least:.6g} N"
+            return f"{name}: the other flank carries {self._instants('from')}, up to {-self.least:.6g} N"
         more = ""
         if self.preload is not None:
             more = f"; {self.preload:.6g} N or N m more on the follower towards the cam prevent it"
-        return f"{name}: the contact lifts off: its force changes sign at {instants} s and {reached}{more}"
+        return f"{name}: the contact lifts off: its force changes sign {instants} and {reached}{more}"
+
+    def _instants(self, preposition: str = "at") -> str:
+        """Return the first changes in words, and the number of the others."""
+        shown, more = self.changes[:MAX_SHOWN], len(self.changes) - MAX_SHOWN
+        text = ", ".join(f"{time:.10g}" for time in shown) + " s" if shown else "no instant"
+        return f"{preposition} {text}" + (f" and {more} more times" if more > 0 else "")
 
 
 def contact_forces(model: DynamicModel, state: State, times: Array) -> dict[str, ContactForce]:
@@ -102,6 +110,11 @@ def contact_forces(model: DynamicModel, state: State, times: Array) -> dict[str,
     laws = mechanism.named_laws.items()
     opening = {law.name: (label, law) for label, law in laws if law.rope or law.backlash}
     names = [*mechanism.contacts, *opening] if len(times) > 1 else []
+    if names:
+        drivers, _, _ = model.solver.motion_laws.along_path(state(times)[0])
+        steps = min(MAX_STEPS, int(np.ceil(np.abs(np.diff(drivers)).max(initial=0.0) / STEP)))
+        rows = np.arange(len(times))
+        times = np.interp(np.linspace(0.0, rows[-1], rows[-1] * max(1, steps) + 1), rows, times)
     return {name: _contact_force(model, state, times, name, *opening.get(name, ("", None))) for name in names}
 
 
@@ -137,17 +150,15 @@ def _contact_force(
     # a force next to zero that turns between two instants may change its sign twice
     steps, magnitude = np.abs(np.diff(value)), np.abs(value[1:-1])
     turning = (magnitude < np.maximum(steps[1:], steps[:-1])) & (value[:-2] * value[2:] > 0.0)
-    for i in np.flatnonzero(turning):
-        between = np.linspace(times[i], times[i + 2], FINER + 1)
+    if turning.any():
+        between = np.unique(np.linspace(times[:-2][turning], times[2:][turning], FINER + 1))
         times, value = np.append(times, between), np.append(value, force(between)[0])
     order = np.argsort(times, kind="stable")
     times, value = times[order], value[order]
     acting = np.flatnonzero(value)
-    changes = [
-        root(lambda time: float(force(np.array([time]))[0][0]), float(times[i]), float(times[k]))
-        for i, k in pairwise(acting)
-        if value[i] * value[k] < 0.0
-    ]
+    before, after = acting[:-1], acting[1:]
+    crosses = value[before] * value[after] < 0.0
+    changes = roots(lambda instants: force(instants)[0], times[before[crosses]], times[after[crosses]])
     least_at, least = peak(lambda instants: -force(instants)[0], samples)
     largest_at, largest = peak(lambda instants: force(instants)[0], samples)
     return ContactForce(
@@ -158,6 +169,6 @@ def _contact_force(
         least_at=least_at,
         largest=largest,
         largest_at=largest_at,
-        changes=tuple(changes),
+        changes=tuple(changes.tolist()),
         preload=None if levers is None else max(0.0, peak(preload, samples)[1]),
     )

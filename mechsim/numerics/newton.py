@@ -179,5 +179,20 @@ def root(function: Callable[[float], float], low: float, high: float) -> float:
     return float(brent(function, low, high, xtol=1e-300, rtol=1e-15, maxiter=1000))
 
 
+def roots(function: Callable[[Array], Array], low: Array, high: Array) -> Array:
+    """Return the roots (n,) of a function between arguments (n,) with values of opposite sign, to rounding.
+
+    All are found at once: the function has arrays of rising arguments if `low` rises.
+
+    Source: Chandrupatla's method, scipy.optimize.elementwise.find_root.
+    """
+    if not len(low):
+        return low
+    from scipy.optimize import elementwise
+
+    find: Any = elementwise.find_root
+    return np.asarray(find(function, (low, high)).x)
+
+
 def _largest(values: Array) -> Array:
     return np.abs(values).max(1, initial=0.0)
