@@ -17,6 +17,8 @@ GATES = {
     ("numerics.loop_solver", "numerics.banded"): "a hundred unknowns",
     ("kinematics.loops.constraints", "numerics.banded"): "a hundred unknowns",
     ("kinematics.loops.start", "numerics.damped_band"): "a hundred unknowns",
+    ("kinematics.loops.start", "kinematics.loops.sparse_loops"): "many unknowns",
+    ("simulation.loop_jacobian", "numerics.banded"): "many unknowns",
     ("io.toml_reader", "io.toml_forces"): "forces in TOML",
     ("studies.validate", "studies.scene.own_settings"): "a MODEL in MJCF",
     ("io.scene_findings", "simulation.findings"): "a MODEL in MJCF",
@@ -100,10 +102,8 @@ def closure(graph: nx.DiGraph, command: str) -> set[str]:
 
 def lines() -> dict[str, int]:
     """Return the lines of code of each module."""
-    return {
-        name: structure.code_lines(path.read_text(encoding="utf-8"))
-        for name, path in structure.modules().items()
-    }
+    modules = structure.modules().items()
+    return {name: structure.code_lines(path.read_text("utf-8")) for name, path in modules}
 
 
 def closures(commands: tuple[str, ...] = COMMANDS, gates: bool = True) -> dict[str, int]:

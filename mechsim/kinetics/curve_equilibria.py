@@ -128,10 +128,8 @@ def _one_way(
 
 def tangents_next_to(equations: EquationsOfMotion, q: Coordinates, reference: Array) -> tuple[Array, Array]:
     """Return the unit tangents nearest to given ones, (n, free), and the cosines of the angles between."""
-    dofs, right = null_directions(equations, q)
-    inside = np.arange(right.shape[1]) >= right.shape[1] - dofs[:, None]
-    components = np.where(inside, np.einsum("nij,nj->ni", right, reference), 0.0)
-    tangents = np.einsum("ni,nij->nj", components, right)
+    _, bases = null_directions(equations, q)
+    tangents = (bases @ (np.swapaxes(bases, 1, 2) @ reference[..., None]))[..., 0]
     sizes = np.linalg.norm(tangents, axis=1)
     return tangents / np.where(sizes > 0.0, sizes, 1.0)[:, None], sizes
 
@@ -159,14 +157,14 @@ def equilibria_on(curve: EquilibriumCurve) -> Coordinates | None:
         )
         # beyond the domain of a spring's expression
         undefined = np.isnan(np.stack([*force, middle_force])).all(0)
-        left = ~(empty | monotonic | still | undefined)
-        interval = np.tile(interval[left], 2)
+        remaining = ~(empty | monotonic | still | undefined)
+        interval = np.tile(interval[remaining], 2)
         ends, force, derivative = (
             np.concatenate([np.stack([pair[0], value]), np.stack([value, pair[1]])], 1)
             for pair, value in (
-                (ends[:, left], middle[left]),
-                (force[:, left], middle_force[left]),
-                (derivative[:, left], middle_derivative[left]),
+                (ends[:, remaining], middle[remaining]),
+                (force[:, remaining], middle_force[remaining]),
+                (derivative[:, remaining], middle_derivative[remaining]),
             )
         )
     defined = np.isfinite(force).all(0)

@@ -401,15 +401,25 @@ class EquationsOfMotion:
 
         Complex steps of coordinates or rates are propagated, also to the sizes. Both results are (n, free).
         """
-        unit, jacobians, time = state.unit, state.link_jacobians, np.zeros(len(state.q))
+        unit, time = state.unit, np.zeros(len(state.q))
         acting, loaded = applied(self.model, unit), loads(self.model, unit, time)
         at_joints, pulls, _ = _actuator_forces(self, state, time, loaded.crank)
         wrenches = acting.gravity, acting.springs, acting.damping, loaded.wrenches, pulls
         sizes = stepped_sizes(np.stack(wrenches)).sum(0)
         arms = stepped_sizes(unit.position).sum(-1, keepdims=True)
         sizes[..., 3:] += arms * sizes[..., :3].sum(-1, keepdims=True)
-        magnitude = np.einsum("nlij,nli->nj", stepped_sizes(jacobians), sizes) + stepped_sizes(at_joints)
-        return generalised_forces(unit, jacobians, np.sum(wrenches, 0)) + at_joints, magnitude
+        total = np.sum(wrenches, 0)
+        total[..., 3:] += cross(unit.position, total[..., :3])
+        moved = self.loops.tree.moved_by[self.links][:, self.free]
+        unit_twists = state.poses.unit_twists[self.free] * self.loops.units[self.free, None, None]
+        force, magnitude = (
+            np.einsum("jin,jni->nj", along, np.tensordot(links, on_links, (0, 1)))
+            for along, links, on_links in (
+                (unit_twists, moved, total),
+                (stepped_sizes(unit_twists), np.abs(moved), sizes),
+            )
+        )
+        return force + at_joints, magnitude + stepped_sizes(at_joints)
 
     def energy(self, state: Kinematics) -> tuple[float, float]:
         """Return kinetic and potential energy of one state in [J]."""

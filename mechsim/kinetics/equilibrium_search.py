@@ -65,10 +65,10 @@ def newton_equilibria(
         indices = np.flatnonzero(active)
         if not indices.size:
             break
-        dofs, right = null_directions(equations, q.select(indices))
+        dofs, bases = null_directions(equations, q.select(indices))
         for dof in np.unique(dofs).tolist():
             which = indices[dofs == dof]
-            basis = np.swapaxes(right[dofs == dof, right.shape[1] - dof :], 1, 2)
+            basis = bases[dofs == dof, :, bases.shape[2] - dof :]
             forces = reduced_forces(equations, q.select(which), basis)
             steps = [
                 _newton_step(*row)

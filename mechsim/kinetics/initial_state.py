@@ -99,7 +99,8 @@ def projected(
     jacobian, rates = constraint_jacobians(equations, q, resting), rates.copy()
     violation = jacobian @ rates[equations.free].T[..., None]
     violation[:, equations.loops.rows : equations.loops.rows + len(rate), 0] -= rate.T
-    rates[equations.free] -= (np.linalg.pinv(jacobian, rcond=RANK_TOLERANCE) @ violation)[..., 0].T
+    if violation.any():
+        rates[equations.free] -= (np.linalg.pinv(jacobian, rcond=RANK_TOLERANCE) @ violation)[..., 0].T
     return q, rates
 
 

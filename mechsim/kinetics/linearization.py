@@ -11,19 +11,24 @@ Chetaev theorem and extensions, Journal of the Astronautical Sciences 11 (1964) 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mechsim.errors import AssemblyError
-from mechsim.kinematics.loops.kinematics import Coordinates
+from mechsim.kinematics.loops.kinematics import Coordinates, LinkPoses
 from mechsim.kinematics.loops.start import CLOSED, close_nearest
 from mechsim.kinetics.equations_of_motion import EquationsOfMotion, Kinematics
+from mechsim.mechanism.motion import join
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.differences import extrapolated_derivative
 from mechsim.numerics.jets import change_of, stepped
 from mechsim.numerics.quadratic_roots import ROUNDING, Roots, quadratic_roots
-from mechsim.numerics.rank import least_norm, pseudo_inverse, right_vectors, significant
+from mechsim.numerics.rank import SPARSE, least_norm, pseudo_inverse, right_vectors, significant
+
+if TYPE_CHECKING:
+    from mechsim.numerics.banded import LeastNormSystems
 
 # displacements in [rad] or characteristic lengths by which the stiffness is evaluated next to an equilibrium:
 # the rounding of its coordinates; their number; and the multiple of the largest change that bounds the error
@@ -34,6 +39,8 @@ FLAT = 1e-4
 # singular values of the loops below this fraction of the largest are zero: loops of a singular configuration
 # close to 1e-8 only
 NEAR_SINGULAR = 1e-6
+# number of links of all states whose forces are evaluated together: a few MB, which a cache holds
+LINK_STATES = 10_000
 
 Complex = NDArray[np.complex128]
 # a function of n states with values (n,)
@@ -262,46 +269,104 @@ class ReducedForces:
 def reduced_forces(equations: EquationsOfMotion, q: Coordinates, basis: Array) -> ReducedForces:
     """Return the generalised forces of n configurations along bases (n, free, dof) of their null spaces."""
     n, free, dof = basis.shape
+    together = max(1, LINK_STATES // max(1, dof * len(equations.links)))
+    if n > together:
+        chunks = [np.arange(first, min(first + together, n)) for first in range(0, n, together)]
+        each = [reduced_forces(equations, q.select(chunk), basis[chunk]) for chunk in chunks]
+        return join(each)
     step = np.zeros((equations.loops.tree.count, n * dof))
     step[equations.free] = basis.transpose(1, 0, 2).reshape(free, -1)
     at_rest = equations.kinematics(q, np.zeros_like(q.values))
     force, magnitude = equations.smooth_forces(at_rest)
-    multipliers = -(pseudo_inverse(at_rest.jacobian.transpose(0, 2, 1), NEAR_SINGULAR) @ force[..., None])
+    multipliers = _multipliers(equations, at_rest, force)
     repeated = q.select(np.repeat(np.arange(n), dof))
     state = equations.kinematics(equations.loops.displaced(repeated, stepped(0.0 * step, step)), 0.0 * step)
     forces, terms = equations.smooth_forces(state)
-    bending = change_of(state.jacobian).transpose(0, 2, 1)
-    reaction = bending @ np.repeat(multipliers, dof, 0)
-    sizes = change_of(terms) + (np.abs(bending) @ np.repeat(np.abs(multipliers), dof, 0))[..., 0]
-    change = (change_of(forces) + reaction[..., 0]).reshape(n, dof, free)
+    reaction, sizes = np.zeros((2, equations.loops.tree.count, n * dof))
+    if equations.loops.rows:
+        bending = equations.loops.sparse(state.q, state.poses)[1]
+        terms_of_rows = change_of(bending.values) * np.repeat(multipliers, dof, 0).T[bending.rows]
+        np.add.at(reaction, bending.columns, terms_of_rows)
+        np.add.at(sizes, bending.columns, np.abs(terms_of_rows))
+    sizes = change_of(terms) + sizes[equations.free].T
+    change = (change_of(forces) + reaction[equations.free].T).reshape(n, dof, free)
     along = np.swapaxes(basis, 1, 2)
     stiffness = -along @ np.swapaxes(change, 1, 2)
     sizes = np.abs(along) @ np.swapaxes(sizes.reshape(n, dof, free), 1, 2)
     # coordinates have the rounding of the links' distances from the origin
     distance = max(1.0, np.abs(at_rest.poses.position).max(initial=0.0) / equations.loops.tree.length)
     # directions that satisfy loops have the rounding of a unit vector, also where they have no component
-    reach = np.ones_like(along) if at_rest.jacobian.size else np.abs(along)
+    closed_loops = equations.loops.rows or equations.prescribed
+    reach = np.ones_like(along) if closed_loops else np.abs(along)
     magnitudes = (reach @ magnitude[..., None]).max((1, 2), initial=0.0)
     rounding = ROUNDING * (magnitudes + distance * sizes.max((1, 2), initial=0.0))
     return ReducedForces((along @ force[..., None])[..., 0], stiffness, ROUNDING * sizes, rounding)
 
 
+def _multipliers(equations: EquationsOfMotion, state: Kinematics, force: Array) -> Array:
+    """Return the multipliers of the loops, (n, rows), that balance forces (n, free) of n states at rest."""
+    loops, unsolved = equations.loops, np.ones(len(force), dtype=np.bool_)
+    multipliers = np.zeros((len(force), loops.rows))
+    systems = _systems(equations, state.q, state.poses)
+    if systems is not None and systems.null_bases[1].any():
+        unsolved = ~systems.null_bases[1]
+        multipliers[:, systems.rows] = systems.solved(-force[None])[1][0]
+    if unsolved.any():
+        jacobian = equations.kinematics(state.q.select(unsolved), state.rates[:, unsolved]).jacobian
+        inverse = pseudo_inverse(jacobian.transpose(0, 2, 1), NEAR_SINGULAR)
+        multipliers[unsolved] = -(inverse @ force[unsolved, :, None])[:, : loops.rows, 0]
+    return multipliers
+
+
+def _systems(
+    equations: EquationsOfMotion, q: Coordinates, poses: LinkPoses | None = None
+) -> "LeastNormSystems | None":
+    """Return the loops as sparse systems; None for few coordinates, prescribed ones, or a wide band."""
+    loops = equations.loops
+    if len(loops.unknown) < SPARSE or not loops.rows or equations.prescribed:
+        return None
+    from mechsim.kinematics.loops.sparse_loops import loop_systems
+
+    return loop_systems(loops, q, poses)[1]
+
+
 def independent_rates(equations: EquationsOfMotion, q: Coordinates) -> Array:
     """Return an orthonormal basis of the free coordinates' rates that satisfy the loops, (free, dof)."""
-    dofs, right = null_directions(equations, q)
-    return right[0, right.shape[1] - dofs[0] :].T
+    return null_directions(equations, q)[1][0]
 
 
 def null_directions(equations: EquationsOfMotion, q: Coordinates) -> tuple[NDArray[np.intp], Array]:
-    """Return the degrees of freedom (n,) and right singular vectors (n, free, free) of the loop constraints.
+    """Return the degrees of freedom (n,) and bases of the rates that satisfy the loops, (n, free, most).
 
-    The last vectors, as many as degrees of freedom, are a basis of the rates that satisfy the loops.
+    The last vectors of each basis, as many as its degrees of freedom, are orthonormal, the others zero.
     """
-    return directions_within(equations.loops.linearise(q)[1][:, equations.free].transpose(2, 0, 1))
+    systems = _systems(equations, q)
+    if systems is None:
+        return _null_bases(equations, q)
+    bases, independent = systems.null_bases
+    dofs = np.full(len(q), bases.shape[2])
+    if independent.all():
+        return dofs, bases
+    dofs[~independent], others = _null_bases(equations, q.select(~independent))
+    most = int(dofs.max())
+    padded = np.zeros((*bases.shape[:2], most))
+    for which, own in ((independent, bases[independent]), (~independent, others)):
+        padded[which, :, most - own.shape[2] :] = own
+    return dofs, padded
+
+
+def _null_bases(equations: EquationsOfMotion, q: Coordinates) -> tuple[NDArray[np.intp], Array]:
+    dofs, right = directions_within(equations.loops.linearise(q)[1][:, equations.free].transpose(2, 0, 1))
+    most = int(dofs.max(initial=0))
+    bases = right[:, right.shape[1] - most :] * (np.arange(most) >= most - dofs[:, None])[..., None]
+    return dofs, np.swapaxes(bases, 1, 2)
 
 
 def directions_within(jacobian: Array) -> tuple[NDArray[np.intp], Array]:
-    """Return the same of constraint Jacobians (n, rows, free)."""
+    """Return the degrees of freedom (n,) and right singular vectors (n, free, free) of constraint Jacobians.
+
+    The last vectors, as many as degrees of freedom, are a basis of the rates that satisfy the constraints.
+    """
     n, _, free = jacobian.shape
     if not jacobian.size:
         return np.full(n, free), np.broadcast_to(np.eye(free), (n, free, free))
@@ -325,10 +390,11 @@ def displaced_states(
     step = np.zeros((loops.tree.count, n))
     step[free] = (basis @ u[..., None])[..., 0].T
     moved, gap = close_nearest(loops, loops.displaced(q, step))
-    jacobian = loops.linearise(moved)[1][:, free].transpose(2, 0, 1)
-    rows = np.concatenate([jacobian, np.swapaxes(basis, 1, 2)], 1)
     velocity = np.zeros((loops.tree.count, n))
-    velocity[free] = least_norm(rows, np.concatenate([np.zeros((n, loops.rows)), rates], 1)).T
+    if rates.any():
+        jacobian = loops.linearise(moved)[1][:, free].transpose(2, 0, 1)
+        rows = np.concatenate([jacobian, np.swapaxes(basis, 1, 2)], 1)
+        velocity[free] = least_norm(rows, np.concatenate([np.zeros((n, loops.rows)), rates], 1)).T
     return equations.kinematics(moved, velocity), gap <= CLOSED
 
 

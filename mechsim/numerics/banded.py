@@ -13,11 +13,17 @@ from numpy.typing import NDArray
 
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.graphs import components
+from mechsim.numerics.rank import least_norm
 
+# entry of a Jacobian below which it is rounding
+NEGLIGIBLE = 1e-14
 # smallest ratio of the number of unknowns to the bandwidth
 MIN_RATIO = 4
 # largest number of Lanczos steps, number between two estimates, and their relative difference at the end
 LANCZOS_STEPS, BETWEEN, CONVERGED = 60, 3, 1e-14
+# largest multiple of the right side that solutions of least norm may have; and number of random right sides
+# that show it: a smaller rank shows itself in one of them with a probability of 0.9999
+LARGEST, PROBES = 1e4, 2
 
 
 @dataclass(frozen=True)
@@ -269,3 +275,129 @@ class BandedSystems:
                     return 1.0 / np.sqrt(largest)
                 before = largest
         return np.asarray(np.linalg.svd(self.dense, compute_uv=False)[:, -1], dtype=np.float64)
+
+
+def symmetric_band(pattern: SparseMatrices) -> Band | None:
+    """Return the order in which a matrix with symmetric positions of entries is banded; None for a wide band.
+
+    Source: as for `band`.
+    """
+    from scipy import sparse
+    from scipy.sparse import csgraph
+
+    count, graph = pattern.shape[0], csgraph
+    routines: Any = graph
+    order = routines.reverse_cuthill_mckee(
+        sparse.csr_matrix((np.ones(len(pattern.rows)), (pattern.rows, pattern.columns)), pattern.shape),
+        symmetric_mode=True,
+    )
+    position = np.empty(count, dtype=np.intp)
+    position[order] = np.arange(count)
+    positions = np.stack([position[pattern.rows], position[pattern.columns]])
+    width = int(np.abs(positions[0] - positions[1]).max(initial=0))
+    entries = np.arange(len(pattern.rows))
+    wide = 2 * width * MIN_RATIO >= count
+    return None if wide else Band(entries, position, position, positions, (width, width))
+
+
+def least_norm_systems(
+    matrix: SparseMatrices, bands: dict[bytes, tuple[NDArray[np.intp], Band | None]]
+) -> "LeastNormSystems | None":
+    """Return sparse equations as systems for solutions of least norm; None if they are not banded.
+
+    Args:
+        matrix: Jacobians, (rows, unknowns).
+        bands: orders of equations and unknowns that were computed before, which new ones are added to.
+    """
+    # those out of the plane of a planar linkage are zero
+    nonzero = np.abs(matrix.values).max(1, initial=0.0) > NEGLIGIBLE
+    key, i, j, count = nonzero.tobytes(), matrix.rows[nonzero], matrix.columns[nonzero], matrix.shape[1]
+    if key not in bands:
+        rows, i = np.unique(i, return_inverse=True)
+        diagonal, order = np.arange(count), count + len(rows)
+        first, second = (np.concatenate([diagonal, *pair]) for pair in ((count + i, j), (j, count + i)))
+        pattern = SparseMatrices(first, second, np.zeros((len(first), 0)), (order, order))
+        bands[key] = rows, symmetric_band(pattern) if len(rows) <= count else None
+    rows, band = bands[key]
+    if band is None:
+        return None
+    values = matrix.values[nonzero]
+    systems = BandedSystems(band, np.concatenate([np.ones((count, values.shape[1])), values, values]))
+    return LeastNormSystems(rows, count, systems)
+
+
+def sparse_least_norm(matrix: Array, right: Array) -> Array:
+    """Return the solutions of least norm, (n, k), of sparse equations (n, m, k) x = (n, m)."""
+    rows, columns = np.nonzero(np.abs(matrix).max(0, initial=0.0) > NEGLIGIBLE)
+    entries = SparseMatrices(rows, columns, matrix[:, rows, columns].T, matrix.shape[1:])
+    systems = least_norm_systems(entries, {})
+    if systems is None:
+        return least_norm(matrix, right)
+    solutions, valid = systems.least_norm(right[:, systems.rows])
+    if not valid.all():
+        solutions[~valid] = least_norm(matrix[~valid], right[~valid])
+    return solutions
+
+
+@dataclass(frozen=True)
+class LeastNormSystems:
+    """Sparse equations J x = g of n instants with independent rows: solutions of least norm, multipliers.
+
+    Both solve the augmented system x + J'y = f, J x = g, whose LU factors do not square the condition of J.
+
+    Source: Å. Björck, Iterative refinement of linear least squares solutions I, BIT 7 (1967) 257-278.
+
+    Attributes:
+        rows: the equations that are not zero, among all, (r,).
+        count: number of unknowns, u.
+        augmented: the systems, (n, u + r).
+    """
+
+    rows: NDArray[np.intp]
+    count: int
+    augmented: BandedSystems
+
+    def __len__(self) -> int:
+        return len(self.augmented)
+
+    def solved(self, first: Array, second: Array | None = None) -> tuple[Array, Array]:
+        """Return x (k, n, u) and y (k, n, r) of k right sides f (k, n, u) and g (k, n, r), by default 0.
+
+        Raises:
+            LinAlgError: if a system is singular.
+        """
+        k, n, u = first.shape
+        right = np.zeros((k, n, u + len(self.rows)))
+        right[..., :u] = first
+        if second is not None:
+            right[..., u:] = second
+        solution = self.augmented.solution(right.reshape(k * n, -1)).reshape(right.shape)
+        return solution[..., :u], solution[..., u:]
+
+    def least_norm(self, right: Array) -> tuple[Array, NDArray[np.bool_]]:
+        """Return the solutions of least norm, (n, u), of right sides (n, r), and where they are valid, (n,).
+
+        They are not where the rows are nearly dependent.
+        """
+        try:
+            (solutions,), _ = self.solved(np.zeros((1, len(right), self.count)), right[None])
+        except np.linalg.LinAlgError:
+            return np.zeros((len(right), self.count)), np.zeros(len(right), dtype=np.bool_)
+        return solutions, np.abs(solutions).max(1) <= LARGEST * np.abs(right).max(1, initial=0.0)
+
+    @cached_property
+    def null_bases(self) -> tuple[Array, NDArray[np.bool_]]:
+        """Orthonormal bases of the null spaces, (n, u, u - r), and where the rows are independent, (n,)."""
+        dof = self.count - len(self.rows)
+        random = np.random.default_rng(0).standard_normal((dof + PROBES, 1, self.count))
+        vectors = np.broadcast_to(random, (dof + PROBES, len(self), self.count))
+        try:
+            projected, multipliers = self.solved(vectors)
+            # the second projection removes the rounding of the first
+            projected, _ = self.solved(projected[:dof])
+        except np.linalg.LinAlgError:
+            return np.zeros((len(self), self.count, dof)), np.zeros(len(self), dtype=np.bool_)
+        longest = np.linalg.norm(random, axis=(1, 2)).max()
+        independent = np.abs(multipliers).max((0, 2), initial=0.0) <= LARGEST * longest
+        projected[:, ~independent] = 0.0
+        return np.linalg.qr(projected.transpose(1, 2, 0))[0], independent

@@ -10,7 +10,7 @@ from mechsim.errors import AssemblyError
 from mechsim.numerics import rank as numerical_rank
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.newton import NewtonSettings, newton, square_solution
-from mechsim.numerics.rank import FLOOR, RANK_TOLERANCE, least_norm, significant
+from mechsim.numerics.rank import FLOOR, RANK_TOLERANCE, SPARSE, least_norm, significant
 from mechsim.simulation.model_loops import ModelLoops
 
 # closure error, in characteristic lengths or [rad], that counts as rounding: a few times the error of
@@ -95,7 +95,7 @@ def close_each(
             return -newton_step(loops, scaled_residual / loops.scale, jacobian)
         result = np.zeros((len(jacobian), loops.model.nv))
         matrix = jacobian[:, :, free] * loops.scale[..., None] * loops.units[free]
-        result[:, free] = loops.units[free] * least_norm(matrix, scaled_residual)
+        result[:, free] = loops.units[free] * _least_norm(matrix, scaled_residual)
         return result
 
     try:
@@ -104,6 +104,14 @@ def close_each(
         states = qpos
     error = loops.closure_error(loops.residual(states))
     return states, np.where(np.isfinite(error), error, np.inf)
+
+
+def _least_norm(matrix: Array, right: Array) -> Array:
+    if matrix.shape[2] < SPARSE:
+        return least_norm(matrix, right)
+    from mechsim.numerics.banded import sparse_least_norm
+
+    return sparse_least_norm(matrix, right)
 
 
 def rounding(loops: ModelLoops) -> float:

@@ -3,7 +3,8 @@
 import numpy as np
 from kinematics.test_exact_geometry import row_of_four_bars
 
-from mechsim.kinetics import prescribed, prescribed_motion, reactions
+from mechsim.kinematics.loops import start
+from mechsim.kinetics import equilibria, linearization, prescribed, prescribed_motion, reactions
 from mechsim.kinetics.model import dynamic_model
 
 ANGLES = np.linspace(0.0, 0.1, 4)
@@ -60,3 +61,16 @@ def test_chunks_of_instants_give_the_same_forces(monkeypatch):
     for name, reaction in one_by_one.forces.reactions.items():
         assert np.allclose(reaction.force, whole.forces.reactions[name].force, rtol=1e-12, atol=1e-9)
         assert (reaction.is_determined == whole.forces.reactions[name].is_determined).all()
+
+
+def test_equilibria_of_a_row_by_sparse_loops_are_those_of_whole_matrices(monkeypatch):
+    model = dynamic_model(row_of_four_bars(3))
+    whole = equilibria(model)
+    for module in (start, linearization):
+        monkeypatch.setattr(module, "SPARSE", 1)
+    sparse = equilibria(model)
+    assert [each.stable for each in sparse] == [each.stable for each in whole]
+    for own, expected in zip(sparse, whole, strict=True):
+        assert max(abs(own.q[name] - value) for name, value in expected.q.items()) <= 1e-9
+        for mode, other in zip(own.modes, expected.modes, strict=True):
+            assert abs(mode.eigenvalue - other.eigenvalue) <= 1e-8 * abs(other.eigenvalue)

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mechsim.numerics.banded import BandedSystems, SparseMatrices, band
+from mechsim.numerics.banded import BandedSystems, SparseMatrices, band, least_norm_systems, sparse_least_norm
 from mechsim.numerics.damped_band import DampedBand, normal_band
-from mechsim.numerics.rank import null_space, pivot_columns
+from mechsim.numerics.rank import least_norm, null_space, pivot_columns
 
 COUNT = 150
 
@@ -122,3 +122,26 @@ def test_equations_that_determine_no_unknown_have_no_order():
         matrices, rows=matrices.rows[kept], columns=matrices.columns[kept], values=matrices.values[kept]
     )
     assert band(others, np.arange(COUNT), np.arange(COUNT)) is None
+
+
+def test_solutions_of_least_norm_are_those_of_the_pseudo_inverse_also_where_rows_are_dependent():
+    """A chain without its last equation has one null vector; the last instant has nearly equal equations."""
+    _, dense = shuffled(chain(1))
+    jacobian, right = dense[:, :-1], np.random.default_rng(2).standard_normal((3, COUNT - 1))
+    # an equation that is zero, as out of a plane
+    jacobian[:, 7], right[:, 7] = 0.0, 0.0
+    jacobian[2, 8], right[2, 8] = jacobian[2, 9] + 1e-7 * jacobian[2, 8], right[2, 9]
+    expected = least_norm(jacobian, right)
+    np.testing.assert_allclose(sparse_least_norm(jacobian, right), expected, rtol=1e-9, atol=1e-8)
+    rows, columns = np.nonzero(jacobian.any(0))
+    sparse = SparseMatrices(rows, columns, jacobian[:, rows, columns].T, jacobian.shape[1:])
+    systems = least_norm_systems(sparse, {})
+    assert systems is not None
+    bases, independent = systems.null_bases
+    assert independent.tolist() == [True, True, False]
+    assert bases.shape == (3, COUNT, 2)
+    assert np.abs(jacobian[:2] @ bases[:2]).max() < 1e-14
+    products = np.swapaxes(bases, 1, 2)[:2] @ bases[:2]
+    np.testing.assert_allclose(products, np.tile(np.eye(2), (2, 1, 1)), atol=1e-14)
+    _, multipliers = systems.solved((right[:, None] @ jacobian)[None, :, 0])
+    np.testing.assert_allclose(multipliers[0, :2], np.delete(right, 7, 1)[:2], rtol=1e-9, atol=1e-11)

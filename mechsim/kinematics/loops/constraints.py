@@ -41,7 +41,7 @@ from mechsim.numerics.loop_solver import LoopSolver
 
 if TYPE_CHECKING:
     from mechsim.mechanism.design_arrays import Ends
-    from mechsim.numerics.banded import SparseMatrices
+    from mechsim.numerics.banded import Band, SparseMatrices
 
 
 @dataclass(frozen=True)
@@ -392,16 +392,23 @@ class TreeLoops:
             jacobian[entries] = block
         return residual, jacobian, poses
 
-    def sparse(self, q: Coordinates) -> tuple[Array, SparseMatrices, LinkPoses]:
+    def sparse(
+        self, q: Coordinates, poses: LinkPoses | None = None
+    ) -> tuple[Array, SparseMatrices, LinkPoses]:
         """Return residuals, Jacobians and link poses as `linearise`."""
         from mechsim.numerics.banded import SparseMatrices
 
-        poses = link_poses(self.tree, q)
+        poses = link_poses(self.tree, q) if poses is None else poses
         residual, blocks = self._evaluated(q, poses)
         values = np.concatenate([block.reshape(-1, len(q)) for block in blocks])
         pairs = [np.broadcast_arrays(*entries) for entries in self._entries]
         rows, columns = (np.concatenate([pair[i].ravel() for pair in pairs]) for i in (0, 1))
         return residual, SparseMatrices(rows, columns, values, (self.rows, self.count)), poses
+
+    @cached_property
+    def bands(self) -> dict[bytes, tuple[NDArray[np.intp], Band | None]]:
+        """Orders of equations and unknowns that `sparse_loops` has computed."""
+        return {}
 
     @cached_property
     def _entries(self) -> list[tuple[NDArray[np.intp], NDArray[np.intp]]]:

@@ -19,7 +19,7 @@ from mechsim.mechanism.mechanism import Mechanism
 from mechsim.numerics.arrays import REVOLUTION, Array
 from mechsim.numerics.loop_solver import MIN_UNKNOWNS, LoopSystem
 from mechsim.numerics.newton import NewtonResult, NewtonSettings, newton, square_solution
-from mechsim.numerics.rank import least_norm, rank, right_vectors, significant
+from mechsim.numerics.rank import SPARSE, least_norm, rank, right_vectors, significant
 
 # largest residual of closed loops, in radians and characteristic lengths
 CLOSED = 1e-12
@@ -41,6 +41,11 @@ def close_nearest(
 
     Prescribed coordinates do not change. Residuals are in radians and characteristic lengths.
     """
+    if len(loops.unknown) >= SPARSE and loops.rows:
+        from mechsim.kinematics.loops.sparse_loops import SparseLoops
+
+        many = newton(SparseLoops(loops), q, settings)
+        return many.q, many.residual
     result = newton(LoopSystem(loops, loops.unknown), q, settings, least_norm)
     return result.q, result.residual
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, partial
 from itertools import pairwise
 
 import mujoco
@@ -90,12 +90,18 @@ def static_state(
     rest, dof = np.zeros(model.model.nv), basis.shape[1]
     directions = (loops.units[:, None] * basis).T
 
+    @cache
+    def moved(step: float) -> Array:
+        """Return the nearest closed states after steps forwards and backwards along each, (2 dof, nq)."""
+        steps = step * np.repeat(directions, 2, 0) * np.tile([1.0, -1.0], dof)[:, None]
+        states = loops.displaced(np.repeat(qpos[None], 2 * dof, 0), steps)
+        return loop_jacobian.close(loops, states, NONE_LOCKED)
+
     def differences(accelerations: _Accelerations, step: float) -> Array:
         """Return the central differences by displacements, then by rates, (dof, 2 dof)."""
-        moves = [(_displaced(model, qpos, step * d), _displaced(model, qpos, -step * d)) for d in directions]
-        by_displacement = [[accelerations.along_basis(each, rest) for each in pair] for pair in moves]
+        by_displacement = [accelerations.along_basis(each, rest) for each in moved(step)]
         by_rate = [[accelerations.along_basis(qpos, sign * step * d) for sign in (1, -1)] for d in directions]
-        values = np.array([*by_displacement, *by_rate]).reshape(2 * dof, 2, dof)
+        values = np.array([*by_displacement, *np.reshape(by_rate, (-1, dof))]).reshape(2 * dof, 2, dof)
         return (values[:, 0] - values[:, 1]).T / (2.0 * step)
 
     solved = [_Accelerations(model, basis, c) for c in (COMPLIANCES if len(jacobian) else COMPLIANCES[-1:])]
@@ -131,12 +137,6 @@ def _eigenvalues(derivatives: Array, error: Array) -> tuple[NDArray[np.complex12
     simple = np.einsum("ki,ij,jk->k", left, change, np.abs(right))
     double = np.sqrt(np.linalg.norm(error[:, :dof])) + np.linalg.norm(error[:, dof:])
     return values.astype(np.complex128), np.fmin(simple, double)
-
-
-def _displaced(model: LoadedModel, qpos: Array, step: Array) -> Array:
-    """Return the nearest state with closed loops after a step in the degrees of freedom, (nq,)."""
-    moved = model.loops.displaced(qpos[None], step[None])
-    return loop_jacobian.close(model.loops, moved, NONE_LOCKED)[0]
 
 
 class _Accelerations:

@@ -1,0 +1,75 @@
+"""Loop equations of many coordinates as sparse systems, for steps of least norm, null spaces, multipliers."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mechsim.kinematics.loops.constraints import TreeLoops
+from mechsim.kinematics.loops.kinematics import Coordinates, LinkPoses
+from mechsim.numerics.arrays import Array
+from mechsim.numerics.banded import LeastNormSystems, SparseMatrices, least_norm_systems
+from mechsim.numerics.rank import least_norm
+
+
+def loop_systems(
+    loops: TreeLoops, q: Coordinates, poses: LinkPoses | None = None
+) -> tuple[Array, LeastNormSystems | None]:
+    """Return residuals (rows, n) and the Jacobians by the unknowns as sparse systems; None if not banded."""
+    residual, jacobian, _ = loops.sparse(q, poses)
+    unknown = np.full(loops.count, -1)
+    unknown[loops.unknown] = np.arange(len(loops.unknown))
+    columns = unknown[jacobian.columns]
+    own = columns >= 0
+    shape = loops.rows, len(loops.unknown)
+    entries = SparseMatrices(jacobian.rows[own], columns[own], jacobian.values[own], shape)
+    return residual, least_norm_systems(entries, loops.bands)
+
+
+@dataclass(frozen=True)
+class SparseStep:
+    """Loop equations linearised about n configurations, for `newton.newton`.
+
+    Attributes:
+        loops: the equations.
+        q: the configurations.
+        rhs: residuals, (n, rows).
+        systems: the equations that are not zero; None if they are not banded.
+    """
+
+    loops: TreeLoops
+    q: Coordinates
+    rhs: Array
+    systems: LeastNormSystems | None
+
+    @property
+    def matrix(self) -> Array:
+        """Jacobians by the unknowns, (n, rows, unknowns)."""
+        return self.loops.linearise(self.q)[1][:, self.loops.unknown].transpose(2, 0, 1)
+
+    def solution(self, right: Array, /) -> Array:
+        """Return the solutions of least norm, (n, unknowns), of right sides (n, rows)."""
+        if self.systems is None:
+            return least_norm(self.matrix, right)
+        steps, valid = self.systems.least_norm(right[:, self.systems.rows])
+        if not valid.all():
+            others = SparseStep(self.loops, self.q.select(~valid), right[~valid], None)
+            steps[~valid] = others.solution(right[~valid])
+        return steps
+
+
+@dataclass(frozen=True)
+class SparseLoops:
+    """Loop equations for `newton.newton`, whose steps are of least norm."""
+
+    loops: TreeLoops
+
+    def linearise(self, q: Coordinates, /) -> SparseStep:
+        """Return the equations about n configurations."""
+        residual, systems = loop_systems(self.loops, q)
+        return SparseStep(self.loops, q, residual.T, systems)
+
+    def retract(self, q: Coordinates, step: Array, /) -> Coordinates:
+        """Return configurations displaced by steps of the unknowns, (n, unknowns)."""
+        displacement = np.zeros((self.loops.count, len(step)))
+        displacement[self.loops.unknown] = step.T
+        return self.loops.displaced(q, displacement)
