@@ -107,7 +107,13 @@ def command(function: Callable[..., Any]) -> Callable[..., None]:
             parameters.append(parameter.replace(kind=keyword))
         else:
             types = get_type_hints(cls, include_extras=True)
-            declared = _declared_fields(cls, types, parameter.annotation)
+            hidden = {name for item in get_args(parameter.annotation) for name in getattr(item, "hidden", ())}
+            declared = [
+                field
+                for field in fields(cls)
+                if field.name not in hidden
+                and ("doc" in field.metadata or get_origin(types[field.name]) is Annotated)
+            ]
             groups[name] = cls, declared
             parameters += [_parameter(field.name, field, types[field.name]) for field in declared]
     returned = signature.return_annotation
@@ -133,17 +139,6 @@ def command(function: Callable[..., Any]) -> Callable[..., None]:
     wrapped.__signature__ = inspect.Signature(parameters)
     wrapped.__annotations__ = {}
     return wrapped
-
-
-def _declared_fields(cls: Any, types: Mapping[str, Any], annotation: Any) -> list[Field[Any]]:
-    """Return the fields of a dataclass that are options, without those that `Without` names."""
-    hidden = {name for item in get_args(annotation) for name in getattr(item, "hidden", ())}
-    return [
-        field
-        for field in fields(cls)
-        if field.name not in hidden
-        and ("doc" in field.metadata or get_origin(types[field.name]) is Annotated)
-    ]
 
 
 def _parameter(name: str, field: Field[Any], kind: Any) -> inspect.Parameter:

@@ -60,22 +60,21 @@ def compile_solver(
     mechsim compile four_bar --dynamics -o four_bar.h --test four_bar_test.c
     """
     path = Path(output)
-    in_c = path.suffix.lower() == ".h"
-    if path.suffix.lower() == ".fmu":
-        stated.exclude(["test"], "on an FMU")
-        stated.exclude(["initial"], "without --dynamics", not dynamics)
-        stated.exclude(["drive"], "with --dynamics, where efforts on the joints are inputs", dynamics)
+    suffix = path.suffix.lower()
+    in_c, is_fmu = suffix == ".h", suffix == ".fmu"
+    stated.exclude(["test"], "on an FMU", is_fmu)
+    stated.exclude(["fmi"], "on a solver that is no FMU", not is_fmu)
+    stated.exclude(["dynamics"], "on JavaScript", suffix == ".js")
+    stated.exclude(["initial"], "without --dynamics", not dynamics)
+    stated.exclude(["drive"], "with --dynamics, where efforts on the joints are inputs", dynamics)
+    if is_fmu:
         if fmi not in (None, "2", "3"):
             raise InputError(f"--fmi is {fmi!r}; it can be 2 or 3")
         return _fmu(options, initial if dynamics else None, output, 2 if fmi == "2" else 3)
-    stated.exclude(["fmi"], "on a solver that is no FMU")
-    stated.exclude(["dynamics"], "on JavaScript", not in_c)
-    stated.exclude(["initial"], "without --dynamics", not dynamics)
     test_path = None if test is None else writable(test, ".c" if in_c else ".js")
     if test_path is not None and test_path.resolve() == path.resolve():
         raise InputError(f"-o and --test both name {output!r}; give the test another name")
     if dynamics:
-        stated.exclude(["drive"], "with --dynamics, where efforts on the joints are inputs")
         return _dynamics(released_model(options), dict(initial.initial), path, test_path)
     options.require_other_drivers()
     code = solver_code(assembly(options.load()))
@@ -83,18 +82,21 @@ def compile_solver(
     _write(path, text)
     if test_path is not None:
         _write(test_path, (c_test if in_c else javascript_test)(code, path.name))
-    limits = code.assembly.interval
+    limits, lines = code.assembly.interval, len(text.splitlines())
     data: dict[str, Any] = {
         "output": output,
         "mechanism": code.assembly.mechanism.name,
         "drivers": [*code.assembly.drivers],
         "coordinates": [*code.formulas.coordinates],
         "range": None if limits is None else [float(limits[0]), float(limits[1])],
-        "lines": len(text.splitlines()),
+        "lines": lines,
         "torques": code.inertias is not None,
         "test": test,
     }
-    return Result(data, lambda: _print(data, code.prefix), files=(output, test))
+    span = "any value" if limits is None else f"{limits[0]:.6g} to {limits[1]:.6g} rad"
+    call = f"{code.prefix}_solve from {', '.join(code.assembly.drivers)} ({span})"
+    use = f"{lines} lines; {code.prefix}_start, then {call}"
+    return Result(data, lambda: typer.echo(use), files=(output, test))
 
 
 def _fmu(options: ModelOptions, initial: InitialOptions | None, output: str, standard: Standard) -> Result:
@@ -141,10 +143,3 @@ def _with_variables(
 def _write(path: Path, content: str | bytes) -> None:
     with atomic_path(path) as temporary:
         temporary.write_bytes(content.encode() if isinstance(content, str) else content)
-
-
-def _print(data: dict[str, Any], prefix: str) -> None:
-    limits = data["range"]
-    span = "any value" if limits is None else f"{limits[0]:.6g} to {limits[1]:.6g} rad"
-    drivers = ", ".join(data["drivers"])
-    typer.echo(f"{data['lines']} lines; {prefix}_start, then {prefix}_solve from {drivers} ({span})")

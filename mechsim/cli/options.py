@@ -10,6 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from mechsim.cli.exit_codes import notes, questions
+from mechsim.cli.output import plain_number
 from mechsim.errors import InputError, require_once
 from mechsim.io import catalog, gallery
 from mechsim.io.readers import load, load_by_motors, parametric_model
@@ -29,7 +30,7 @@ def warn_about_angle(name: str, text: str, file_unit: str = "rad") -> None:
         InputError: if an angle has no unit and the mechanism's file declares another unit than rad.
     """
     require_written(text, "rad", file_unit, name)
-    value = _without_unit(text)
+    value = plain_number(text)
     if value is not None and abs(value) > REVOLUTION:
         questions.append(
             f"{name} {text} is {value:g} rad, {value / REVOLUTION:.3g} turns; was {text}deg meant?"
@@ -39,7 +40,7 @@ def warn_about_angle(name: str, text: str, file_unit: str = "rad") -> None:
 def warn_about_angles(name: str, text: str, file_unit: str = "rad") -> None:
     """Warn or raise InputError as `warn_about_angle`, for start:stop:step without units."""
     require_written(text, "rad", file_unit, name)
-    values = [_without_unit(item) for item in text.split(":")]
+    values = [plain_number(item) for item in text.split(":")]
     numbers = [value for value in values if value is not None]
     if len(numbers) == len(values) and max(map(abs, numbers)) > LARGEST_RANGE:
         questions.append(f"{name} {text} goes to {max(numbers):g} rad; was {text}deg meant?")
@@ -51,7 +52,7 @@ def warn_about_parameters(model: str, texts: Mapping[str, str]) -> None:
         return
     rows = catalog.parameters(model)
     for name, text in texts.items():
-        value, row = _without_unit(text), rows.get(name)
+        value, row = plain_number(text), rows.get(name)
         if value is None or row is None:
             continue
         unit, default = row.unit, row.default
@@ -59,14 +60,6 @@ def warn_about_parameters(model: str, texts: Mapping[str, str]) -> None:
             questions.append(f"--set {name}={text} is {value:g} rad; was {name}={text}deg meant?")
         if unit == "m" and isinstance(default, float) and abs(value) > IMPLAUSIBLE * abs(default) > 0.0:
             questions.append(f"--set {name}={text} is {value:g} m; was {name}={text}mm meant?")
-
-
-def _without_unit(text: str) -> float | None:
-    """Return a number without a unit; None for anything else."""
-    try:
-        return float(text)
-    except ValueError:
-        return None
 
 
 def complete_models(incomplete: str) -> list[str]:

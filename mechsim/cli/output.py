@@ -197,7 +197,7 @@ def print_table(title: str, head: Sequence[str], rows: Iterable[Sequence[Value]]
         typer.echo(in_colour(line))
     columns = [[name, *(row[i] for row in texts)] for i, name in enumerate(head)]
     widths = _column_widths(columns, width() - len(GAP) * len(columns))
-    right = [all(_is_number(text) for text in column[1:] if text) for column in columns]
+    right = [all(plain_number(text) is not None for text in column[1:] if text) for column in columns]
     for i in range(len(texts) + 1):
         lines = [
             textwrap.wrap(column[i], max(w, 1), break_long_words=False, break_on_hyphens=False)
@@ -231,9 +231,9 @@ def _column_widths(columns: Sequence[Sequence[str]], available: int) -> list[int
     return widths
 
 
-def _is_number(text: str) -> bool:
+def plain_number(text: str) -> float | None:
+    """Return a number without a unit; None for anything else."""
     try:
-        float(text)
+        return float(text)
     except ValueError:
-        return False
-    return True
+        return None

@@ -62,6 +62,7 @@ class ValidateOptions:
     compare_to: str | None = option(
         None, "Also state what became better or worse since this output of --json.", metavar="EARLIER.json"
     )
+    verbose: Verbose = False
 
     @property
     def tolerance_in_metres(self) -> float | None:
@@ -89,7 +90,6 @@ def validate(
     driven: DriveOptions,
     stated: Stated,
     sets: Sets = None,
-    verbose: Verbose = False,
     as_json: JSON_OPTION = False,
 ) -> Result:
     """Check formulas, loop equations and MuJoCo against each other, and name the cause of a difference.
@@ -111,10 +111,10 @@ def validate(
 
         compared = partial(compared_with, chosen.compare_to, earlier_checks(chosen.compare_to))
     if chosen.reference:
-        result = _by_reference(models or (), verbose)
+        result = _by_reference(models or (), chosen.verbose)
     else:
         with output_folder(chosen.report) as folder:
-            result = _validate(models, chosen, driven, sets, stated, folder, verbose=verbose, as_json=as_json)
+            result = _validate(models, chosen, driven, sets, stated, folder, as_json=as_json)
     return result if compared is None else compared(result)
 
 
@@ -126,7 +126,6 @@ def _validate(
     stated: Stated,
     folder: Path | None,
     *,
-    verbose: bool,
     as_json: bool,
 ) -> Result:
     """Validate models, and write a report into a folder if there is one."""
@@ -135,7 +134,7 @@ def _validate(
             raise InputError("--against compares one model; name exactly one")
         design = driven.applied_to(models[0], sets).load_parametric(moving=False)
         _require_crank(stated, [design.make({})])
-        return _against(models[0], design, chosen, folder, verbose)
+        return _against(models[0], design, chosen, folder)
     names = list(models or catalog.MECHANISMS)
     names += list(gallery.files()) if chosen.whole_gallery or not models else []
     names = list(dict.fromkeys(names))
@@ -161,7 +160,7 @@ def _validate(
     }
     quick = () if models or chosen.whole_gallery else list(gallery.files())
     with output_folder(chosen.dossier) as dossiers:
-        result, cases = _validated(designs, chosen, quick, folder, verbose=verbose, as_json=as_json)
+        result, cases = _validated(designs, chosen, quick, folder, as_json=as_json)
         for (name, case), model in zip(cases.items(), names, strict=True):
             _write_dossier(dossiers, chosen, name, model, designs[name], case)
     return result
@@ -212,7 +211,6 @@ def _validated(
     quick: Sequence[str],
     folder: Path | None,
     *,
-    verbose: bool,
     as_json: bool,
 ) -> tuple[Result, dict[str, Validation]]:
     """Validate mechanisms; if one cannot be assembled, JSON reports it before the error is raised.
@@ -222,7 +220,6 @@ def _validated(
         chosen: options.
         quick: names of the mechanisms that are not stepped in time.
         folder: folder of a report; None writes none.
-        verbose: whether all checks are listed.
         as_json: whether the result is printed as JSON.
     """
     speed, drawing = crank_speed(chosen.speed), 0.0
@@ -263,7 +260,7 @@ def _validated(
         print_stderr(note)
 
     def text() -> None:
-        print_cases(cases, f"{speed * 60.0 / REVOLUTION:.4g} rpm", verbose=verbose)
+        print_cases(cases, f"{speed * 60.0 / REVOLUTION:.4g} rpm", verbose=chosen.verbose)
         _print_folders(chosen)
 
     return Result(data, text, passed), cases
@@ -276,9 +273,7 @@ def _print_folders(chosen: ValidateOptions) -> None:
         typer.echo(f"dossier: {chosen.dossier}")
 
 
-def _against(
-    model: str, design: DesignFamily, chosen: ValidateOptions, folder: Path | None, verbose: bool
-) -> Result:
+def _against(model: str, design: DesignFamily, chosen: ValidateOptions, folder: Path | None) -> Result:
     """Compare a model with a function or a table, and explain the difference."""
     source, tolerance = chosen.against or "", chosen.tolerance_in_metres
     if not source.lower().endswith(".csv"):
@@ -298,7 +293,7 @@ def _against(
     def text() -> None:
         print_finding_lines(findings)
         warnings = sum(finding.severity != "note" for finding in findings)
-        print_agreement(name, agreement, verbose=verbose, findings=warnings)
+        print_agreement(name, agreement, verbose=chosen.verbose, findings=warnings)
         _print_folders(chosen)
 
     return Result(data, text, agreement.passed)

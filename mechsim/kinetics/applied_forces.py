@@ -266,7 +266,10 @@ def loads(
         if phases is None and (beyond := spring.law.beyond(length, rate)):
             raise InputError(f"{unit.mechanism.name}: {beyond}; extend the table")
         unstored = spring.law.unstored(length)
-        _add_along(unit, out, spring, tension)
+        if isinstance(spring.ends, str):
+            add_joint_force(unit, out, *unit.mechanism.joint_with(spring.ends), -tension)
+        else:
+            add_tension(unit, out, spring.ends, tension)
         energy, work = energy + spring.law.energy(length), work - unstored * rate
         lost = lost + (tension - elastic - unstored) * rate
     require_idle(unit, out, "a load")
@@ -290,13 +293,6 @@ def length_and_rate(unit: UnitMotion, spring: NonlinearSpring) -> tuple[Array, A
         # of the angles that differ by revolutions, the one next to the stop
         value = spring.law.reference + wrapped(value - spring.law.reference)
     return value, joint_rates(unit, joint)[k]
-
-
-def _add_along(unit: UnitMotion, stack: Array, spring: NonlinearSpring, tension: Array) -> None:
-    """Add the forces of a tension (n,) to a stack of wrenches."""
-    if not isinstance(spring.ends, str):
-        return add_tension(unit, stack, spring.ends, tension)
-    return add_joint_force(unit, stack, *unit.mechanism.joint_with(spring.ends), -tension)
 
 
 def _joint_values(unit: UnitMotion, joint: Joint) -> Array:

@@ -257,9 +257,11 @@ class EquationsOfMotion:
             np.array([inertia.moments for inertia in inertias]) + self.added_moments,
         )
 
-    def kinematics(self, q: Coordinates, rates: Array, activation: Array | None = None) -> Kinematics:
-        """Return constraints and links at coordinates and rates in units, (count, n)."""
-        return Kinematics(self, q, rates, activation)
+    def kinematics(
+        self, q: Coordinates, rates: Array | None = None, activation: Array | None = None
+    ) -> Kinematics:
+        """Return constraints and links at coordinates and rates in units, (count, n); at rest for None."""
+        return Kinematics(self, q, np.zeros_like(q.values) if rates is None else rates, activation)
 
     # whoever asks for the accelerations reports forces that are not finite
     @np.errstate(over="ignore", invalid="ignore")

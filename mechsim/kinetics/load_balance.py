@@ -16,10 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.errors import InputError
-from mechsim.kinematics.loops.kinematics import Coordinates
 from mechsim.kinetics.curve_equilibria import EquilibriumCurve, curve_through, tangents_next_to
 from mechsim.kinetics.dynamic_run import Initial
-from mechsim.kinetics.equations_of_motion import EquationsOfMotion, Kinematics
 from mechsim.kinetics.linearization import independent_rates, reduced_forces
 from mechsim.kinetics.state_quantities import load_displacement, values_at
 from mechsim.kinetics.statics import prepared_equations
@@ -136,12 +134,8 @@ def _dense(curve: EquilibriumCurve) -> tuple[EquilibriumCurve, int]:
 
 def _displacements(curve: EquilibriumCurve, quantity: Quantity, start: int) -> Array:
     """Return the displacement at the points of a curve, (n,); angles without jumps from the start on."""
-    values = values_at(curve.equations, quantity, _at_rest(curve.equations, curve.q))
+    values = values_at(curve.equations, quantity, curve.equations.kinematics(curve.q))
     return np.unwrap(values) + values[start] - np.unwrap(values)[start] if quantity.angle else values
-
-
-def _at_rest(equations: EquationsOfMotion, q: Coordinates) -> Kinematics:
-    return equations.kinematics(q, np.zeros_like(q.values))
 
 
 def _loads(curve: EquilibriumCurve, quantity: Quantity) -> tuple[Array, Array]:
@@ -152,7 +146,7 @@ def _loads(curve: EquilibriumCurve, quantity: Quantity) -> tuple[Array, Array]:
         curve.configurations(every, np.full(len(every), step))
         for step in STEP * np.array([-2.0, -1.0, 1.0, 2.0])
     )
-    moved = [values_at(equations, quantity, _at_rest(equations, q)) for q in displaced]
+    moved = [values_at(equations, quantity, equations.kinematics(q)) for q in displaced]
     if quantity.angle:
         moved = list(np.unwrap(moved, axis=0))
     derivative = (moved[0] - 8.0 * moved[1] + 8.0 * moved[2] - moved[3]) / (12.0 * STEP)

@@ -123,21 +123,17 @@ def parse_event(mechanism: Mechanism, text: str, written: units.WrittenUnits = u
     if not sign:
         raise InputError(f"event {text!r} is not QUANTITY=VALUE; write it as P.y=0 or J.q=90deg")
     quantity = state_quantity(name.strip(), mechanism)
-    unit, length = quantity.unit, mechanism.characteristic_length
-    if unit in ("m", "rad"):
-        units.require_written(value, unit, written.declared(unit), f"event {name}", length=length)
-    return Event(quantity, _event_value(value.strip(), quantity))
-
-
-def _event_value(text: str, quantity: Quantity) -> float:
-    """Return a value in SI; units of expressions, such as m2, are not read."""
     unit: Any = quantity.unit
+    if unit in ("m", "rad"):
+        length = mechanism.characteristic_length
+        units.require_written(value, unit, written.declared(unit), f"event {name}", length=length)
+    # units of expressions, such as m2, are not read
     if unit in get_args(units.Unit):
-        return units.parse(text, unit, f"value of {quantity.name}")
+        return Event(quantity, units.parse(value.strip(), unit, f"value of {quantity.name}"))
     try:
-        return float(text)
+        return Event(quantity, float(value.strip()))
     except ValueError:
-        raise InputError(f"value of {quantity.name} is {text!r}; give a number in {quantity.unit}") from None
+        raise InputError(f"value of {quantity.name} is {value.strip()!r}; give a number in {unit}") from None
 
 
 def load_displacement(name: str, mechanism: Mechanism) -> Quantity:
