@@ -29,6 +29,7 @@ TRAINS = (0, 1, 2, 3)
 METHODS = ("analytic", "MuJoCo")
 # relative to the largest force; measured rounding at most 5e-15
 BALANCED = 1e-12
+TWO_ARMS = {"left": (2.0, 0.3, 6.0, 0.2), "right": (1.0, 0.4, 9.0, 1.0)}
 
 
 @dataclass(frozen=True)
@@ -106,6 +107,20 @@ def of_gallery(name: str) -> Case:
     return Case(mechanism, acting(mechanism, mechanism.characteristic_length), {mechanism.driver: wave})
 
 
+def of_machine(mechanism: ms.Mechanism, **waves: tuple[float, ...]) -> Case:
+    """Return a mechanism with rods for its inertias, whose drivers move sinusoidally."""
+    whole = ms.dynamics.dynamic_model(mechanism).mechanism
+    laws = {name: machines.sinusoidal(*wave) for name, wave in waves.items()}
+    return Case(whole, acting(whole, whole.characteristic_length), laws)
+
+
+def locked_rack() -> ms.Mechanism:
+    """Return a pinion that drives a rack, with a locked joint."""
+    mesh = ms.Coupling("mesh", "rack", "crank", (0.001, 0.02))
+    whole = machines.rack_and_cam()
+    return replace(whole, driver=("crank",), couplings=(mesh,), locked={"cam": 0.01})
+
+
 def acting(mechanism: ms.Mechanism, length: float) -> ms.Forces:
     """Return forces of every kind: weight, springs, friction, a load and a couple."""
     driven_joints = {joint.name: joint.kind for joint in mechanism.driven_joints}
@@ -120,13 +135,13 @@ def acting(mechanism: ms.Mechanism, length: float) -> ms.Forces:
     wound = [
         ms.JointSpring(name, 0.3 * length, 0.1) for name, kind in driven_joints.items() if kind == "revolute"
     ]
-    (first, *_, last), (link, *_) = mechanism.points, mechanism.links
+    points, (link, *_) = [*mechanism.points], mechanism.links
     return ms.Forces(
         gravity=(1.0, -9.81, 3.0),
         friction=tuple(rubbing),
-        springs=(ms.Spring((GROUND, (length, 2.0 * length, -length)), first, 50.0, 0.5 * length, 2.0),),
+        springs=(ms.Spring((GROUND, (length, 2.0 * length, -length)), points[0], 50.0, 0.5 * length, 2.0),),
         joint_springs=tuple(wound),
-        loads=(ms.Load(last, ms.load_profile.constant((7.0, 5.0, -6.0))),),
+        loads=(ms.Load(points[-1], ms.load_profile.constant((7.0, 5.0, -6.0))),),
         couples=(Couple(link.name, ms.load_profile.constant((length, 2.0 * length, -3.0 * length))),),
     )
 
@@ -138,6 +153,13 @@ CASES = {
     "screw feed on its arm": lambda: spindle_and_rack(False),
     "screw feed, spindle first": lambda: spindle_and_rack(True),
     **{name: lambda name=name: of_gallery(name) for name in ("planetary_gear", "rack_steering")},
+    "five-bar": lambda: of_machine(machines.five_bar(), **TWO_ARMS),
+    "boom": lambda: of_machine(machines.boom(), stroke=(0.8, 0.1, 2.0)),
+    "locked rack": lambda: of_machine(locked_rack(), crank=(0.3, 1.0, 2.0)),
+    "nonlinear rack": lambda: of_machine(machines.nonlinear_rack(), crank=(0.3, 1.0, 2.0)),
+    "nonlinear passive joint": lambda: of_machine(machines.five_bar_with_cam(), **TWO_ARMS),
+    # a plate of 9 g with nonlinear couplings to a tool of 2 mg and between its coordinates
+    "nonlinear table": lambda: of_machine(machines.table(backwards=False), tool=(0.3, 1.0, 2.0)),
 }
 
 
@@ -237,7 +259,7 @@ def test_bearing_forces_of_redundant_planets_are_undetermined():
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("case", ["train 2", "linkage 22"])
+@pytest.mark.parametrize("case", ["train 2", "linkage 22", "nonlinear rack", "five-bar"])
 def test_links_are_in_equilibrium_in_stepped_runs(case):
     case_data = CASES[case]()
     run = driven(case_data.mechanism, case_data.forces, motion_laws=case_data.moves, method="step", samples=5)
