@@ -3,9 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
-import pytest
 from model_files import model_text, stated_mechanism
-from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 import mechsim as ms
@@ -39,61 +37,7 @@ BLOCK = stated_mechanism("bushings_block.toml")
 WITH_MOUNT = ms.Forces(gravity=tuple(GRAVITY), bushings=(MOUNT,))
 
 
-def left_jacobian(vector):
-    """Return the sum of [v]^k / (k + 1)!, the rate of exp(v) by the rate of v."""
-    matrix, term, total = np.cross(np.eye(3), vector), np.eye(3), np.eye(3)
-    for k in range(2, 40):
-        term = term @ matrix / k
-        total = total + term
-    return total
-
-
-def wrench_on_block(position, rotation, velocity, spin):
-    """Return force at, and moment about, side b of the bushing, and the point, in the ground frame."""
-    a, b = MOUNT.a.frame, rotation @ MOUNT.b.frame
-    arm = rotation @ np.array(MOUNT.b.point)
-    moved = a.T @ (position + arm - np.array(MOUNT.a.point))
-    rotated = Rotation.from_matrix(a.T @ b).as_rotvec()
-    elastic = -STIFFNESS @ np.concatenate([moved, rotated])
-    damped = -DAMPING @ np.concatenate([a.T @ (velocity + np.cross(spin, arm)), a.T @ spin])
-    moment = np.linalg.solve(left_jacobian(rotated).T, elastic[3:]) + damped[3:]
-    return a @ (elastic[:3] + damped[:3]), a @ moment, arm
-
-
-def newton_euler(_, state):
-    """Return the rates of position, quaternion, velocity of the origin and angular velocity of the block."""
-    position, quaternion, velocity, spin = np.split(state, [3, 7, 10])
-    rotation = Rotation.from_quat(quaternion).as_matrix()
-    force, moment, arm = wrench_on_block(position, rotation, velocity, spin)
-    c, moments = rotation @ CENTRE, rotation @ MOMENTS @ rotation.T
-    about_centre = moment + np.cross(arm - c, force) - np.cross(spin, moments @ spin)
-    angular = np.linalg.solve(moments, about_centre)
-    linear = force / MASS + GRAVITY - np.cross(angular, c) - np.cross(spin, np.cross(spin, c))
-    x, y, z, w = quaternion
-    turning = np.array([[w, z, -y], [-z, w, x], [y, -x, w], [-x, -y, -z]]) @ spin / 2.0
-    return np.concatenate([velocity, turning, linear, angular])
-
-
 START = {"free.q": (0.6, 0.3, -0.5, 0.8), "free.x": 0.01, "free.y": 0.02, "free.w": (1.0, -2.0, 3.0)}
-
-
-@pytest.mark.long
-def test_a_body_on_a_bushing_moves_as_by_newton_and_euler():
-    run = ms.dynamics.run(BLOCK, WITH_MOUNT, initial=START, duration=0.3)
-    link = run.motion.links["block"]
-    begin = np.concatenate(
-        [
-            link.position[0],
-            Rotation.from_matrix(link.rotation[0]).as_quat(),
-            link.velocity[0],
-            link.angular_velocity[0],
-        ]
-    )
-    exact = solve_ivp(newton_euler, (0.0, 0.3), begin, "DOP853", t_eval=run.time, rtol=1e-12, atol=1e-13).y
-    assert np.abs(link.position - exact[:3].T).max() < 1e-9
-    assert np.abs(link.rotation - Rotation.from_quat(exact[3:7].T).as_matrix()).max() < 1e-8
-    assert run.energy_error < 1e-10
-    assert run.lost[-1] > 1.0
 
 
 def test_without_damping_the_energy_is_that_of_the_deflection():
@@ -147,19 +91,6 @@ def test_drive_torque_and_reactions_agree_with_mujoco():
     assert verdict.passed, verdict
     without = ms.dynamics.dynamic_model(solver, replace(forces, bushings=()))
     assert not crosscheck_driven(run, without).passed
-
-
-def test_modes_are_those_of_six_oscillators():
-    stiffness = np.array([4e3, 3e3, 5e3, 8.0, 12.0, 5.0])
-    mount = ms.Bushing(
-        "mount", ms.End(GROUND, (0.1, 0.0, 0.0)), ms.End("block", tuple(CENTRE)), diagonal(*stiffness)
-    )
-    rest = ms.dynamics.equilibria(BLOCK, ms.Forces(bushings=(mount,)))[0]
-    assert rest.stable
-    expected = np.sqrt(stiffness / np.append([MASS] * 3, np.diag(MOMENTS)))
-    np.testing.assert_allclose(
-        np.sort([abs(mode.eigenvalue) for mode in rest.modes]), np.sort(expected), rtol=1e-9
-    )
 
 
 TEXT = model_text("bushings_text.toml")

@@ -4,7 +4,6 @@ import mpmath
 import numpy as np
 import pytest
 from model_files import model_text
-from scipy.optimize import brentq
 
 import mechsim as ms
 from mechsim.numerics.differences import extrapolated_derivative
@@ -51,38 +50,6 @@ def test_a_stiffness_within_its_rounding_is_undecided(equilibria):
     assert upright.dimension == 0
 
 
-@pytest.mark.long
-@pytest.mark.parametrize(
-    ("angles", "length", "rest", "count"),
-    [((0.4,), 1.002, 0.03, 4), ((0.4, 0.46), 1.002, 0.1, 6), ((0.4, 0.5, 0.62), 1.0005, 0.12, 8)],
-)
-def test_all_equilibria_of_an_arm_with_short_springs_are_found(equilibria, angles, length, rest, count):
-    stiffness = (3e4, 5e4, 3e4)[: len(angles)]
-    springs = "".join(
-        f'springs.s{k} = {{ a = "tip", b = "p{k}", stiffness = {value}, rest = {rest} }}\n'
-        for k, value in enumerate(stiffness)
-    )
-    positions = [(length * np.cos(angle), length * np.sin(angle)) for angle in angles]
-    points = "".join(
-        f'p{k} = {{ link = "ground", at = [{x}, {y}, 0] }}\n' for k, (x, y) in enumerate(positions)
-    )
-
-    def torque(q):
-        total = -MOMENT * np.cos(q)
-        for angle, value in zip(angles, stiffness, strict=True):
-            distance = np.sqrt(1.0 + length**2 - 2.0 * length * np.cos(q - angle))
-            total -= value * (distance - rest) / distance * length * np.sin(q - angle)
-        return total
-
-    grid = np.linspace(-np.pi, np.pi, 400_001)
-    values = torque(grid)
-    crossings = np.flatnonzero(values[:-1] * values[1:] < 0.0)
-    exact = [brentq(torque, grid[k], grid[k + 1], xtol=1e-15) for k in crossings]
-    assert len(exact) == count
-    _, states = equilibria(WEIGHT + springs, start=-1.0, points=points)
-    assert sorted(state.q["h"] for state in states) == pytest.approx(exact, abs=1e-9)
-
-
 def test_roots_have_error_bounds_that_hold():
     random = np.random.default_rng(3)
     for scale in (1e-9, 1.0, 1e9):
@@ -110,19 +77,3 @@ def test_a_derivative_has_an_error_estimate_that_holds():
         exact = 1.0 / np.cosh(0.3) ** 2 / width
         assert abs(value - exact) <= max(4.0 * error, 1e-13 * exact)
         assert error <= 1e-6 * exact
-
-
-def test_a_load_over_the_crank_angle_changes_the_stiffness(equilibria):
-    profile = ms.load_profile.function(lambda angle: 3.0 * np.sin(angle))
-    model, _ = equilibria(WEIGHT)
-    states = ms.dynamics.equilibria(
-        model.mechanism, ms.Forces(gravity=(0.0, -9.81, 0.0), crank_torque=profile)
-    )
-    # 3 sin q - m g c cos q = 0, K = -(3 cos q + m g c sin q)
-    angle = np.arctan2(MOMENT, 3.0)
-    for state in states:
-        assert np.sin(state.q["h"] - angle) == pytest.approx(0.0, abs=1e-10)
-        stiffness = -(3.0 * np.cos(state.q["h"]) + MOMENT * np.sin(state.q["h"]))
-        assert state.linear.stiffness[0, 0] == pytest.approx(stiffness, rel=1e-9)
-        assert state.stable is bool(stiffness > 0.0)
-    assert len(states) == 2
