@@ -107,7 +107,7 @@ def of_gallery(name: str) -> Case:
     return Case(mechanism, acting(mechanism, mechanism.characteristic_length), {mechanism.driver: wave})
 
 
-def of_machine(mechanism: ms.Mechanism, **waves: tuple[float, ...]) -> Case:
+def sinusoidally_driven(mechanism: ms.Mechanism, **waves: tuple[float, ...]) -> Case:
     """Return a mechanism with rods for its inertias, whose drivers move sinusoidally."""
     whole = ms.dynamics.dynamic_model(mechanism).mechanism
     laws = {name: machines.sinusoidal(*wave) for name, wave in waves.items()}
@@ -153,13 +153,13 @@ CASES = {
     "screw feed on its arm": lambda: spindle_and_rack(False),
     "screw feed, spindle first": lambda: spindle_and_rack(True),
     **{name: lambda name=name: of_gallery(name) for name in ("planetary_gear", "rack_steering")},
-    "five-bar": lambda: of_machine(machines.five_bar(), **TWO_ARMS),
-    "boom": lambda: of_machine(machines.boom(), stroke=(0.8, 0.1, 2.0)),
-    "locked rack": lambda: of_machine(locked_rack(), crank=(0.3, 1.0, 2.0)),
-    "nonlinear rack": lambda: of_machine(machines.nonlinear_rack(), crank=(0.3, 1.0, 2.0)),
-    "nonlinear passive joint": lambda: of_machine(machines.five_bar_with_cam(), **TWO_ARMS),
+    "five-bar": lambda: sinusoidally_driven(machines.five_bar(), **TWO_ARMS),
+    "boom": lambda: sinusoidally_driven(machines.boom(), stroke=(0.8, 0.1, 2.0)),
+    "locked rack": lambda: sinusoidally_driven(locked_rack(), crank=(0.3, 1.0, 2.0)),
+    "nonlinear rack": lambda: sinusoidally_driven(machines.nonlinear_rack(), crank=(0.3, 1.0, 2.0)),
+    "nonlinear passive joint": lambda: sinusoidally_driven(machines.five_bar_with_cam(), **TWO_ARMS),
     # a plate of 9 g with nonlinear couplings to a tool of 2 mg and between its coordinates
-    "nonlinear table": lambda: of_machine(machines.table(backwards=False), tool=(0.3, 1.0, 2.0)),
+    "nonlinear table": lambda: sinusoidally_driven(machines.table(backwards=False), tool=(0.3, 1.0, 2.0)),
 }
 
 
