@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 import mechsim as ms
 from mechsim import cli
-from mechsim.cli.command import command
+from mechsim.cli.command import Stated, command
 from mechsim.files import plain
 from mechsim.pictures.render.look import changed
 from mechsim.units import option, parse_length, parse_names
@@ -106,3 +106,10 @@ class Measured:
 
 def test_a_record_prints_its_listed_fields():
     assert plain(Measured(0.5)) == {"width": 0.5, "passed": True}
+
+
+def test_only_stated_options_are_excluded():
+    stated = Stated({"speed": "--speed"})
+    stated.exclude(["samples"], "in a run")
+    with pytest.raises(ms.InputError, match="--speed has no effect in a run"):
+        stated.exclude(["samples", "speed"], "in a run")

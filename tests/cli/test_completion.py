@@ -37,12 +37,17 @@ def test_parameters_of_the_named_mechanism_are_completed():
 
 
 @pytest.mark.long
-def test_a_shell_gets_completions():
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [("show rss", "rssr"), ("dynamics ", "forward"), ("dynamics inverse four_b", "four_bar")],
+)
+def test_a_shell_completes_models_and_analyses(words, expected):
     environment = os.environ | {
         "_MECHSIM_COMPLETE": "complete_bash",
-        "COMP_WORDS": "mechsim show rss",
-        "COMP_CWORD": "2",
+        "COMP_WORDS": f"mechsim {words}",
+        "COMP_CWORD": str(len(words.split(" "))),
     }
     line = "import sys; sys.argv = ['mechsim']; from mechsim.cli import main; main()"
     completed = subprocess.run([sys.executable, "-c", line], env=environment, capture_output=True, text=True)
-    assert (completed.returncode, completed.stdout.split()) == (0, ["rssr"])
+    assert completed.returncode == 0
+    assert expected in completed.stdout.split()

@@ -94,29 +94,6 @@ def test_a_choice_replaces_a_joint(written):
     assert kinds == ["prismatic", "planar"]
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "message"),
-    [
-        ("value = 0.08", "valu = 0.08", "line 4: parameters.ground.valu is no known key"),
-        ('30 mm", kind = "length"', '30 mm", kind = "len"', "parameters.crank.kind is 'len'"),
-        ("value = 0.08", "value = -0.08", "ground is -0.08 m; give a length above 0"),
-        ("value = 0.08", "value = [1, 2]", "parameters.ground is a list; only a position can be one"),
-        ('"30 mm"', '"30 deg"', "crank '30 deg' has unit 'deg'"),
-        ("ground = {", "crank_range = {", "parameters.crank_range cannot be the name"),
-        ("when.loose", "when.lose", "when.lose is no parameter; did you mean 'loose'"),
-        ('["crank", 0, 0] }\n[when', '["krank", 0, 0] }\n[when', "points.A.at[0] is 'krank'"),
-        ("inverted.py:Inverted", "inverted.py:column", "formula names no class of formulas"),
-        ('{ kind = "planar", a = { link = "lever" }, b = { link = "block" } }', "3", "loose.joints.slot"),
-        ('[parameters]', 'duration = 1\n[parameters]', "duration is not read in a file with formulas"),
-    ],
-)  # fmt: skip
-def test_an_invalid_file_is_rejected_in_one_line(written, old, new, message):
-    with pytest.raises(ms.InputError) as error:
-        ms.load(written(old, new)).described.joint("crank")
-    assert message in str(error.value)
-    assert "\n" not in str(error.value)
-
-
 @pytest.mark.parametrize("code", [("def frames", "def framez"), ("self.crank *", "self.krank *")])
 def test_an_error_in_formulas_is_reported(written, code):
     with pytest.raises(ms.InputError, match=r"ends in (TypeError|AttributeError): .*; repair the file"):

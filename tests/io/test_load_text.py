@@ -78,21 +78,3 @@ def test_varying_loads_are_written_and_read_back(made, tmp_path):
 def test_a_table_over_another_variable_is_rejected_with_line_and_key(made):
     with pytest.raises(ms.InputError, match=r"slider\.toml, line 29: .*give two, t in s or angle in rad"):
         made('[forces]\ncouples.rod = ["press.csv", 0, "press.csv"]\n')
-
-
-def test_a_load_over_the_angle_needs_a_crank_as_the_only_driver(made, tmp_path):
-    late = SLIDER.replace("swell", "angle") + '[forces]\ncrank_torque = "angle"\n'
-    path = tmp_path / "late.toml"
-    path.write_text(late)
-    with pytest.raises(
-        ms.InputError, match="'angle', which is also a parameter; give the parameter another name"
-    ):
-        ms.load(str(path))
-    rotated = '[forces]\ncouples.rod = [0, 0, "angle"]\n'
-    path.write_text(SLIDER.replace("[parameters]", 'drivers = ["slide"]\n[parameters]') + rotated)
-    with pytest.raises(ms.InputError, match="with the drivers slide there is no crank angle; give it over t"):
-        ms.load(str(path))
-    made(rotated)
-    solver = ms.load(str(tmp_path / "slider.toml"), drive={"crank": "30deg*sin(t)"})
-    with pytest.raises(ms.InputError, match="depends on the crank's angle, but motion laws drive it"):
-        ms.dynamics.dynamic_model(solver, solver.forces)

@@ -7,7 +7,6 @@ import pytest
 from model_files import model_text
 
 import mechsim as ms
-from mechsim.errors import MobilityError
 from mechsim.kinematics.loops.tree import spanning_tree
 from mechsim.kinematics.mobility_count import mobility
 
@@ -65,15 +64,3 @@ def test_both_methods_keep_revolutions_that_no_pose_determines(tmp_path: Path) -
     assert np.abs(difference).max() < 1e-12 * solver.mechanism.characteristic_length
     # no gear, but a coupling
     assert mobility(solver.mechanism).redundant_in_plane == 0
-
-
-RING = model_text("loops_of_coupled_joints_ring.toml")
-
-
-def test_an_inconsistent_ring_of_gears_is_reported_as_immobile(
-    file,
-) -> None:
-    path = file(RING)
-    assert ms.load(path).solve([0.7]).joints["third"].value[0] == pytest.approx(0.7, abs=1e-14)
-    with pytest.raises(MobilityError, match="couplings leave crank no degree of freedom"):
-        ms.load(path, set={"back": 0.9}).solve([0.7])

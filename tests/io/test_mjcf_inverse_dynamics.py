@@ -44,17 +44,3 @@ def test_drive_forces_agree_with_inverse_dynamics_of_mujoco(tmp_path):
         mujoco.mj_inverse(model, data)
         mine = [result.drives[name][i] for name in NAMES]
         assert mine == pytest.approx(data.qfrc_inverse, rel=1e-9, abs=1e-12)
-
-
-def test_friction_gravity_and_masses_of_a_file_are_read(tmp_path):
-    file = tmp_path / "arm.xml"
-    file.write_text(ARM.format(dry=0.2))
-    solver = read_mjcf(str(file), Prescription(drive=dict.fromkeys(NAMES, "0")))
-    assert solver.forces is not None
-    friction = {item.joint: item for item in solver.forces.friction}
-    assert (friction["shoulder"].viscous, friction["shoulder"].coulomb) == (0.3, 0.2)
-    assert solver.forces.gravity == (0.5, -9.81, 0.3)
-    masses = [link.inertia.mass for link in solver.mechanism.links if link.inertia is not None]
-    assert len(masses) == len(solver.mechanism.links)
-    model = mujoco.MjModel.from_xml_path(str(file))
-    assert sum(masses) == pytest.approx(model.body_mass.sum(), rel=1e-9)

@@ -147,15 +147,6 @@ def test_axes_with_a_real_tilt_are_not_changed(file):
     assert not any("deg off" in fact for fact in solver.facts)
 
 
-def test_commands_report_corrections_on_stderr(file, mechsim):
-    path = file(WELDED)
-    words = ["solve", path, "--key", "other", "--angles", "7.3:7.4:0.1"]
-    answer = mechsim(*words)
-    assert answer.code == 0
-    assert answer.out.startswith("angle,")
-    assert answer.err.startswith("welded: the initial loop-closure error of the file is")
-
-
 def test_a_model_without_a_driver_lists_its_joints(file):
     text = five_bar().replace('<motor joint="left"/><position joint="right"/>', "")
     with pytest.raises(

@@ -7,7 +7,6 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from model_files import model_text
 from motions import largest_difference
 
 import mechsim as ms
@@ -17,9 +16,6 @@ from mechsim.kinematics.solvers import KinematicSolver
 
 FOUR_BAR = Path(__file__).parents[2] / "models" / "four_bar.xml"
 ANGLES = np.linspace(0.0, 2.0 * np.pi, 25)
-# a double pendulum whose second joint follows the first
-URDF = model_text("model_sources_urdf.urdf")
-MIMIC = '<mimic joint="crank" multiplier="-2" offset="0.1"/>'
 
 
 @dataclass(frozen=True)
@@ -76,18 +72,3 @@ def test_a_mujoco_model_that_was_not_loaded_last_is_rejected():
     mujoco.MjModel.from_xml_path(str(FOUR_BAR.with_name("rssr.xml")))
     with pytest.raises(ms.InputError, match=r"^MjModel 'four_bar' is not the model that MuJoCo loaded last"):
         ms.load(model)
-
-
-def test_urdf_is_read_and_a_mimic_joint_is_a_coupling(tmp_path):
-    file = tmp_path / "arm.urdf"
-    file.write_text(URDF.format(mimic=MIMIC))
-    model = ms.load(str(file), drive={"crank": "1rad/s"}, duration=1.0)
-    elbow = model.solve(t=[0.0, 0.5, 1.0]).joints["elbow"].value
-    assert np.abs(elbow - (0.1 - 2.0 * np.array([0.0, 0.5, 1.0]))).max() <= 1e-14  # rounding of 2 rad
-
-
-def test_urdf_that_mujoco_cannot_load_is_rejected(tmp_path):
-    file = tmp_path / "arm.urdf"
-    file.write_text(URDF.format(mimic="").replace('<child link="lower"/>', '<child link="nothing"/>'))
-    with pytest.raises(ms.InputError, match=r"^\S+arm.urdf.*: MuJoCo refuses it: .*; correct the file$"):
-        ms.load(str(file))

@@ -180,14 +180,3 @@ def test_a_driver_of_linkage_sim_is_found_between_its_bodies(written):
         solver.solve(ANGLES, speed=1.0).points["M"].position, expected, rtol=0, atol=1e-13
     )
     assert solver.facts == ("drivers.omega is not read",)
-
-
-def test_a_mechanism_without_a_driver_names_the_remedy(written, mechsim):
-    content = copy.deepcopy(LINKAGE_SIM)
-    del content["joints"]["D1"]
-    path = written(content)
-    for command in ("solve", "dynamics inverse", "validate", "simulate"):
-        answer = mechsim(*command.split(), path)
-        assert answer.code == 2, command
-        assert "internal error" not in answer.err
-    assert ms.load(path, drive={"J1": "1rad/s"}).mechanism.drivers == ("J1",)

@@ -3,7 +3,6 @@
 import mujoco
 import numpy as np
 import pytest
-from grids import grid
 from scipy.spatial.transform import Rotation
 
 import mechsim as ms
@@ -66,19 +65,6 @@ def test_a_platform_has_the_prescribed_pose_and_leg_lengths():
         np.testing.assert_allclose(
             motion.joints[f"l{number}"].value, np.linalg.norm(ends, axis=1), atol=1e-13
         )
-
-
-@pytest.mark.long
-@pytest.mark.parametrize(
-    ("model", "laws"), grid([("five_bar", CIRCLE), ("stewart_gough", TILT)], ("five_bar",))
-)
-def test_both_methods_agree_on_pose_drivers(model, laws, mechsim):
-    arguments = [argument for name, law in laws.items() for argument in ("--drive", f"{name}={law}")]
-    answer = mechsim("validate", model, *arguments, "--duration", "1s")
-    out = answer.out
-    assert answer.code == 0
-    assert "motion laws" in out
-    assert "PASS" in out
 
 
 @pytest.mark.long

@@ -36,37 +36,6 @@ def test_solve_accepts_times_in_seconds(swinging, exact):
     np.testing.assert_allclose(swinging.positions(t=TIMES)["B"], exact.points["B"].position, atol=1e-14)
 
 
-ANGLES_GIVEN = {
-    "solve": lambda solver: solver.solve(TIMES),
-    "solve with the rates of a run": lambda solver: solver.solve(TIMES, 1.0, 0.0),
-    "positions": lambda solver: solver.positions(TIMES),
-    "inverse dynamics": lambda solver: ms.dynamics.prescribed(ms.dynamics.dynamic_model(solver), TIMES, 1.0),
-    "sensitivity": lambda solver: ms.sensitivity(solver, "B.x", "rocker.at.x", angles=TIMES),
-    "a moved family": lambda solver: ms.moved(solver, angles=TIMES),
-}
-
-
-@pytest.mark.parametrize("call", ANGLES_GIVEN)
-def test_crank_angles_are_rejected_with_motion_laws(swinging, call):
-    with pytest.raises(ms.InputError, match=r"four_bar: motion laws drive crank, .*give times in s, as t=\["):
-        ANGLES_GIVEN[call](swinging)
-
-
-def test_invalid_instants_are_rejected_with_the_remedy(swinging, tmp_path):
-    with pytest.raises(ms.InputError, match=r"no times are given; give times in s, as t="):
-        swinging.solve()
-    with pytest.raises(ms.InputError, match="determine every rate; leave speed out"):
-        swinging.solve(t=TIMES, speed=2.0)
-    with pytest.raises(ms.InputError, match="times t must be a list of finite numbers"):
-        swinging.solve(t=[0.0, np.nan])
-    path = tmp_path / "crank.csv"
-    path.write_text("t,crank\n" + "".join(f"{0.1 * i},{0.01 * i}\n" for i in range(8)))
-    table = ms.load("four_bar", drive={"crank": str(path)})
-    with pytest.raises(ms.InputError, match=r"t = 0\.8 s is outside the table of crank, 0 to 0\.7 s"):
-        table.solve(t=[0.0, 0.7, 0.8])
-    assert table.solve(t=[0.35]).joints["crank"].value[0] == pytest.approx(0.035)
-
-
 @pytest.mark.parametrize("looped", [False, True])
 def test_a_crank_of_constant_speed_accepts_times(looped):
     solver = ms.catalog.make("four_bar")

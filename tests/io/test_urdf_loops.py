@@ -108,26 +108,6 @@ def test_a_sidecar_file_makes_joints_spherical_universal_or_fixed(written):
         ms.load(path, loops=written(text.format("PLANAR"), "planar.yaml"), still=True)
 
 
-def test_commands_accept_a_sidecar_file(written, tmp_path, mechsim):
-    path, sidecar = (
-        written(robot(ENDS)),
-        written("closed_loop: [[rod_end, follower_end]]\ntype: [3d]\n", "r.yaml"),
-    )
-    output = str(tmp_path / "states.npz")
-    lines = (
-        ["solve", path, "--loops", sidecar, "--samples", "3", "--drive", "motor=1rad/s"],
-        ["sample", path, "-n", "5", "-o", output, "--loops", sidecar],
-        ["check", path, "--loops", sidecar, "--ignore", "MS102"],
-    )
-    for line in lines:
-        answer = mechsim(*line)
-        assert answer.code == 0, line
-    with np.load(output) as states:
-        assert states["qpos"].shape == (5, 3)
-    answer = mechsim("solve", "four_bar", "--loops", sidecar)
-    assert answer.code == 2
-
-
 # of scikit-robot: points and axes in the root frame with all joints at zero
 
 

@@ -222,11 +222,3 @@ def test_the_initial_pose_is_drawn_without_a_motion_law():
     np.testing.assert_allclose(pose.points["foot"].position, [[0.3, 0.0, 1.0]], atol=1e-12)
     drawn = Source(solver.mechanism, pose).drawn(Look())
     assert not drawn.drift.any()
-
-
-@pytest.mark.long
-def test_a_schematic_without_a_motion_law_shows_the_initial_pose(mechsim):
-    model = str(FOLDER / "falling_arm.xml")
-    answer = mechsim("plot", model, "--kind", "schematic", "-o", "start.svg", "--json")
-    assert answer.code == 0
-    assert json.loads(answer.out)["kind"] == "schematic"

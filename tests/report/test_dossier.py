@@ -128,15 +128,6 @@ def test_a_dossier_states_that_nothing_is_stated(write, tmp_path):
     ]
 
 
-def test_a_model_that_is_rejected_leaves_no_dossier(mechsim, tmp_path):
-    (tmp_path / "loop.xml").write_text(model_text("closed_configurations_four_bar.xml"))
-    answer = mechsim("validate", "loop.xml", "--dossier", "out")
-    assert answer.code == 2
-    assert not (tmp_path / "out").exists()
-    # the message is that of the model, not of the folder
-    assert "cannot write" not in answer.err
-
-
 @pytest.mark.usefixtures("write")
 def test_sensitivity_takes_the_uncertainties_of_a_file(mechsim):
     of_piston = ("sensitivity", "pump.toml", "--of", "B.x", "--json")

@@ -1,7 +1,5 @@
 """Closed configurations: assembled according to MuJoCo, within limits, reproducible, in the model's order."""
 
-import json
-
 import mujoco
 import numpy as np
 import pytest
@@ -51,16 +49,6 @@ def test_disabled_limits_are_ignored(model: mujoco.MjModel) -> None:
         ms.closed_qpos(model, {"crank": 0.75})
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_LIMIT)
     assert ms.closed_qpos(model, {"crank": 0.75})[0, 7] == 0.75
-
-
-def test_the_command_writes_and_reports_samples(tmp_path, mechsim) -> None:
-    file, states = tmp_path / "model.xml", tmp_path / "states.npz"
-    file.write_text(FOUR_BAR)
-    answer = mechsim("sample", str(file), "-n", "5", "-o", str(states), "--json")
-    assert answer.code == 0
-    assert json.loads(answer.out)["n"] == 5
-    with np.load(states) as arrays:
-        assert {name: len(arrays[name]) for name in arrays.files} == {"qpos": 5, "qvel": 5, "residual": 5}
 
 
 PARALLELOGRAM = model_text("closed_configurations_parallelogram.xml")

@@ -1,9 +1,6 @@
 """Dense or sparse matrices: the faster if both agree, dense if MuJoCo's sparse ones are wrong."""
 
-import sys
-from importlib import import_module
-from pathlib import Path
-
+import matrices as study
 import mujoco
 import numpy as np
 import pytest
@@ -11,20 +8,9 @@ import pytest
 from mechsim import catalog
 from mechsim.simulation import Settings, settings, simulate
 
-FOLDER = Path(__file__).parents[2] / "validation" / "choices"
-
 
 @pytest.fixture(scope="module")
-def study():
-    sys.path.insert(0, str(FOLDER))
-    try:
-        return import_module("matrices")
-    finally:
-        sys.path.remove(str(FOLDER))
-
-
-@pytest.fixture(scope="module")
-def chain(study):
+def chain():
     return study.chain(catalog.make("four_bar"), 24)
 
 
@@ -45,14 +31,14 @@ def test_a_long_chain_steps_equally_with_sparse_and_dense_matrices(chain) -> Non
         assert (point.position == runs["sparse"].motion.points[name].position).all()
 
 
-def test_a_filled_mass_matrix_is_stepped_with_dense_matrices(study) -> None:
+def test_a_filled_mass_matrix_is_stepped_with_dense_matrices() -> None:
     model = study.ready(study.polygons(1, 50))
     assert model.nv >= settings.SPARSE_MIN_DOFS
     assert study.gap(model)[1] == 1.0
     assert settings.faster_matrices(model) == "dense"
 
 
-def test_disagreeing_matrices_select_the_dense_ones(chain, study, monkeypatch) -> None:
+def test_disagreeing_matrices_select_the_dense_ones(chain, monkeypatch) -> None:
     model = study.ready(chain)
     assert settings.faster_matrices(model) == "sparse"
     original = settings.accelerations_and_fill
@@ -68,7 +54,7 @@ def test_disagreeing_matrices_select_the_dense_ones(chain, study, monkeypatch) -
 
 @pytest.mark.long
 @pytest.mark.skipif(mujoco.__version__ != "4.0.0", reason="the fault was fixed in MuJoCo 4.0.1")
-def test_models_with_wrong_sparse_results_use_dense_matrices(study, monkeypatch) -> None:
+def test_models_with_wrong_sparse_results_use_dense_matrices(monkeypatch) -> None:
     # no limits on size and fill: only the difference of the results decides
     monkeypatch.setattr(settings, "SPARSE_MIN_DOFS", 1)
     monkeypatch.setattr(settings, "SPARSE_MAX_FILL", 1.0)

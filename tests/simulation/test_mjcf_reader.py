@@ -49,13 +49,6 @@ def test_link_poses_and_coordinates_agree_with_mujoco(file, seed):
         assert abs(difference - 2.0 * np.pi * np.round(difference / (2.0 * np.pi))) < 1e-14
 
 
-def test_unnamed_elements_get_names(file):
-    mechanism = read_model(file(TREE)).mechanism
-    names = [link.name for link in mechanism.links]
-    assert names == ["~first", "~second", "ground_body", "ball", "last", "loose", "post"]
-    assert [joint.name for joint in mechanism.joints][4:6] == ["last_joint", "loose_joint"]
-
-
 def loops(equality=""):
     return model_text("mjcf_reader_loops.xml", equality=equality)
 
@@ -109,60 +102,6 @@ def test_residuals_of_equalities_agree_with_mujoco(file, kind):
         assert np.sin(result[1] / 2.0) == pytest.approx(np.linalg.norm(rows[3:]), rel=1e-7)
 
 
-def test_an_inactive_equality_is_ignored_with_a_remark(file):
-    text = EQUALITIES["connect"].replace("<connect", '<connect name="shut" active="false"')
-    read = read_model(file(loops(text)))
-    assert len(read.mechanism.joints) == 4
-    assert read.remarks == ("equality 'shut' is not active and was left out",)
-
-
-def test_an_equality_within_one_link_is_ignored_with_a_remark(file):
-    read = read_model(file(loops('<connect name="c" body1="a" body2="riser" anchor="0 0 0"/>')))
-    assert len(read.mechanism.joints) == 4
-    assert "do not move against each other" in read.remarks[0]
-
-
-def test_sleep_is_disabled_and_ipc_rejected(file):
-    flags = '<option><flag sleep="enable"/></option><worldbody>'
-    asleep = TREE.replace("<worldbody>", flags, 1)
-    read = read_model(file(asleep))
-    assert any("sleep is switched off" in output for output in read.remarks)
-    assert not read.spec.compile().opt.enableflags
-    with pytest.raises(InputError, match="IPC"):
-        read_model(file(asleep.replace("sleep", "ipc")))
-
-
-def test_a_file_with_a_missing_mesh_is_read_with_a_remark(file):
-    asset = '<asset><mesh name="m" file="gone.stl"/></asset><worldbody>'
-    text = TREE.replace("<worldbody>", asset).replace(
-        '<geom size="0.01"/>', '<geom type="mesh" mesh="m"/>', 1
-    )
-    read = read_model(file(text))
-    assert read.remarks == ("file gone.stl is missing: read without its meshes",)
-    complete = read_model(file(TREE))
-    assert read.mechanism.joints == complete.mechanism.joints
-
-
-ACTUATED = loops(EQUALITIES["joint"]).replace(
-    "<equality>",
-    '<actuator><motor joint="slide"/><position name="p" joint="slide"/><motor tendon="t"/>'
-    '<motor site="out" gear="1 0 0 0 0 0"/></actuator><equality>',
-)
-
-
-@pytest.mark.parametrize(
-    ("text", "options", "driven"),
-    [
-        (loops(), {}, ("crank",)),
-        (ACTUATED, {}, ("slide", "crank")),
-        (ACTUATED, {"lock": {"slide": None}}, ("crank",)),
-        (ACTUATED, {"drivers": ["swing", "swing"]}, ("swing",)),
-    ],
-)
-def test_drivers_come_from_options_actuators_or_the_crank(file, text, options, driven):
-    assert read_model(file(text), **options).mechanism.drivers == driven
-
-
 def test_a_fixed_base_has_the_pose_of_the_keyframe(file):
     keys = '<keyframe><key name="up" qpos="0 0 0 1 0 0 0 0 4 5 6 1 1 0 0 0.3"/></keyframe></mujoco>'
     text = TREE.replace("</mujoco>", keys).replace(
@@ -179,29 +118,6 @@ def test_a_fixed_base_has_the_pose_of_the_keyframe(file):
     np.testing.assert_allclose(model.body("loose").quat, [np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0], atol=1e-14)
     assert read.mechanism.guess_coordinates["crank"] == 0.3
     assert "loose" not in {link.name for link in read.mechanism.links}
-
-
-def test_values_that_mujoco_reinterprets_are_remarked(file):
-    keys = '<keyframe><key name="short" qpos="0.1"/><key name="none" ctrl="0"/></keyframe></mujoco>'
-    text = ACTUATED.replace('axis="1 0 0"', 'axis="1 0 0" range="2 1"').replace("</mujoco>", keys)
-    text = text.replace('<position name="p"', '<position name="p" ctrlrange="1 1" forcerange="-1 1"')
-    read = read_model(file(text), key="short")
-    output = "which MuJoCo takes as no limit: it goes from low to high"
-    assert read.remarks[:3] == (
-        f"keyframe 'short' has 1 of {len(read.qpos)} coordinates: the rest are those of the reference",
-        f"joint 'slide' has range 2 1, {output}",
-        f"actuator 'p' has ctrlrange 1 1, {output}",
-    )
-    np.testing.assert_array_equal(read.qpos[1:], read_model(file(text)).qpos[1:])
-    assert not read.limits
-    difference = text.replace('range="2 1"', 'range="2 1" limited="false"').replace('ctrlrange="1 1"', "")
-    assert not set(read.remarks[1:3]) & {*read_model(file(difference)).remarks}
-
-
-def test_each_tracked_point_has_a_site(file):
-    read = read_model(file(TREE), track=["last", "tip,ball@0.1,0.2,0.3"])
-    assert read.mechanism.points == {"last": ("last", (0.0, 0.0, 0.0)), "tip": ("ball", (0.1, 0.2, 0.3))}
-    assert {"last", "tip"} <= {site.name for site in read.spec.sites}
 
 
 def nested(depth: int) -> str:
@@ -240,15 +156,6 @@ def test_the_maximum_depth_and_a_doctype_are_accepted(file):
     assert mujoco.MjSpec.from_string(nested(MAX_DEPTH)).worldbody.first_body()
     kind = '<?xml version="1.0"?>\n<!DOCTYPE mujoco [\n<!ELEMENT mujoco ANY>\n<!ENTITY b "a > b">\n] >\n'
     assert read_model(file(kind + TREE)).mechanism == read_model(file(TREE)).mechanism
-
-
-def test_the_characteristic_length_of_a_gripper_is_that_of_its_fingers(file):
-    finger = """<body name="{0}"><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>
-    <joint name="{0}" type="slide" axis="0 1 0"/>
-    <geom type="box" size="0.01 0.02 0.04" pos="0 0 0.04"/></body>"""
-    text = f"<mujoco><worldbody>{finger.format('left')}{finger.format('right')}</worldbody></mujoco>"
-    length = read_model(file(text), drivers=["left", "right"]).mechanism.characteristic_length
-    assert length == pytest.approx(np.hypot(np.hypot(0.02, 0.04), 0.08))
 
 
 @pytest.mark.parametrize(("high", "output"), [(1e-9, ""), (1e-14, "bounds no volume")])

@@ -1,27 +1,15 @@
 """The study of assembly curves with a few linkages, and wrong curves that it must reject."""
 
-import importlib
-import sys
-from pathlib import Path
-
+import assembly_curves as study
 import pytest
-
-FOLDER = Path(__file__).parents[2] / "validation" / "robustness"
-
-
-@pytest.fixture(scope="module")
-def study():
-    sys.path.insert(0, str(FOLDER))
-    yield importlib.import_module("assembly_curves")
-    sys.path.remove(str(FOLDER))
 
 
 @pytest.mark.parametrize("close", [False, True], ids=["change point", "near change point"])
-def test_only_linkages_with_change_points_have_branch_points(study, close):
+def test_only_linkages_with_change_points_have_branch_points(close):
     assert study.check_change_points(3, close, seed=3) == (3, [])
 
 
-def test_a_curve_of_another_linkage_is_rejected(study):
+def test_a_curve_of_another_linkage_is_rejected():
     solver = study.catalog.make("four_bar")
     curve = study.trace(solver, starts=0).curves[0]
     assert study.curve_error(solver, curve) <= 1e-14

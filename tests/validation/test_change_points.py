@@ -1,31 +1,17 @@
 """The study of change points with a few linkages."""
 
-import importlib.util
-import sys
-from pathlib import Path
-
+import change_points as study
 import pytest
-
-PATH = Path(__file__).parents[2] / "validation" / "robustness" / "change_points.py"
-
-
-@pytest.fixture(scope="module")
-def study():
-    spec = importlib.util.spec_from_file_location("change_points", PATH)
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["change_points"] = module
-    spec.loader.exec_module(module)
-    return module
 
 
 @pytest.mark.parametrize("close", [False, True], ids=["change point", "near change point"])
 @pytest.mark.parametrize("method", ["closed form", "loop equations", "MuJoCo, poses"])
-def test_no_linkage_is_silently_wrong(study, method, close):
+def test_no_linkage_is_silently_wrong(method, close):
     result = study.tally(method, study.random_linkages(6, close, seed=3))
     assert (result.correct, result.rejected, result.wrong) == (6, 0, 0)
 
 
-def test_loop_equations_keep_their_assembly_at_the_highest_curvature(study):
+def test_loop_equations_keep_their_assembly_at_the_highest_curvature():
     # closer to a change point the rounding of the lengths decides
     sharpest = [
         (0.038107835611592526, 0.0851754843762121, 0.14693424644299166, 0.19400189520751593),
@@ -35,13 +21,13 @@ def test_loop_equations_keep_their_assembly_at_the_highest_curvature(study):
     assert (result.correct, result.rejected, result.wrong) == (2, 0, 0)
 
 
-def test_poses_keep_the_branch_at_high_curvature(study):
+def test_poses_keep_the_branch_at_high_curvature():
     alike = (0.06679722798869933, 0.07148163874581459, 0.11481950387243817, 0.11950391462955343)
     result = study.tally("MuJoCo, poses", [alike], "branch")
     assert (result.correct, result.rejected, result.wrong) == (1, 0, 0)
 
 
-def test_a_method_with_the_wrong_policy_is_rejected(study, monkeypatch):
+def test_a_method_with_the_wrong_policy_is_rejected(monkeypatch):
     monkeypatch.setitem(
         study.METHODS,
         "branch policy",

@@ -1,8 +1,6 @@
 """The plain-MuJoCo check of tuned files agrees with the loop equations and rejects compliant loops."""
 
-import importlib
-from pathlib import Path
-
+import check_in_mujoco as check
 import pytest
 from scene_texts import scene
 
@@ -19,12 +17,6 @@ STIFF = PlainSettings(
 
 
 @pytest.fixture
-def check(monkeypatch):
-    monkeypatch.syspath_prepend(str(Path(__file__).parents[2] / "validation" / "choices"))
-    return importlib.import_module("check_in_mujoco")
-
-
-@pytest.fixture
 def tuned_script(tmp_path):
     """Return a scene and the script written for it."""
     item = scene(tmp_path, drive={"knuckle": MOTION}, duration=0.2)
@@ -33,7 +25,7 @@ def tuned_script(tmp_path):
     return item, tmp_path / "run.py"
 
 
-def test_closure_errors_agree_with_the_loop_equations(check, tuned_script):
+def test_closure_errors_agree_with_the_loop_equations(tuned_script):
     item, path = tuned_script
     reference = SceneEvaluator().errors(run_scene(item, STIFF.applied(item.model), records=None)).closure
     script = check.script_of(path)
@@ -43,7 +35,7 @@ def test_closure_errors_agree_with_the_loop_equations(check, tuned_script):
     assert check.closure_error(script, item.duration, item.tracked, item.closure.drivers) > 100.0 * reference
 
 
-def test_trajectory_errors_agree_with_the_scene_evaluator(check, tuned_script):
+def test_trajectory_errors_agree_with_the_scene_evaluator(tuned_script):
     item, path = tuned_script
     evaluator = SceneEvaluator(compute_reference(item, 1e-9).run)
     reference = evaluator.errors(run_scene(item, STIFF.applied(item.model), records=None)).trajectory

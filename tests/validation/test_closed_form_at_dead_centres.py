@@ -1,25 +1,14 @@
 """The validation case of closed forms near dead centres, at a few distances."""
 
-import importlib.util
-from pathlib import Path
-
+import closed_form_at_dead_centres as case
 import numpy as np
 import pytest
 
-PATH = Path(__file__).parents[2] / "validation" / "robustness" / "closed_form_at_dead_centres.py"
 DISTANCES = np.array([1e-12, 1e-7, 1e-2])
 
 
-@pytest.fixture(scope="module")
-def case():
-    spec = importlib.util.spec_from_file_location("closed_form_at_dead_centres", PATH)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
 @pytest.mark.parametrize("name", ["four_bar", "slider_crank", "rssr", "rrsrr"])
-def test_errors_are_at_most_those_of_rounded_inputs(name, case):
+def test_errors_are_at_most_those_of_rounded_inputs(name):
     linkage, point = case.LINKAGES[name]
     error, condition = case.errors(linkage, point, case.angles_near(linkage, DISTANCES))
     assert (error <= case.MAX_UNITS * case.EPS * condition).all()
@@ -27,7 +16,7 @@ def test_errors_are_at_most_those_of_rounded_inputs(name, case):
     assert condition[0] / condition[2] == pytest.approx(1e5, rel=0.5)
 
 
-def test_the_published_form_loses_two_digits_at_a_dead_centre(case):
+def test_the_published_form_loses_two_digits_at_a_dead_centre():
     linkage = case.dead_centre_at_zero_v3x()
     angles = case.angles_near(linkage, case.DISTANCES)
     error, condition = case.errors(linkage, "P3", angles)

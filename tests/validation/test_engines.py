@@ -1,34 +1,25 @@
 """The table of engines: exact poses have no error, wrong ones have theirs, and a page states both."""
 
 import csv
-import importlib
-import sys
 from dataclasses import replace
-from pathlib import Path
 
+import by_mujoco
+import engine_table
 import numpy as np
 import pytest
+import reference_problem
 
 import mechsim as ms
 
-FOLDER = Path(__file__).parents[2] / "validation" / "engines"
+
+@pytest.fixture(scope="module")
+def four_bar():
+    return reference_problem.problem("four_bar")
 
 
 @pytest.fixture(scope="module")
-def engines():
-    sys.path.insert(0, str(FOLDER))
-    yield importlib.import_module
-    sys.path.remove(str(FOLDER))
-
-
-@pytest.fixture(scope="module")
-def four_bar(engines):
-    return engines("reference_problem").problem("four_bar")
-
-
-@pytest.fixture(scope="module")
-def exact(engines, four_bar):
-    reference = engines("reference_problem").REFERENCE
+def exact(four_bar):
+    reference = reference_problem.REFERENCE
     with (reference / "data" / "four_bar.csv").open() as file:
         angles = [float(row["angle"]) for row in csv.DictReader(file)][1:]
     qpos = ms.closed_qpos(reference / "mechanisms" / "four_bar.toml", {"crank": angles})
@@ -60,17 +51,16 @@ def test_poses_that_are_no_numbers_have_an_infinite_error(four_bar, exact):
     assert four_bar.errors(replace(exact, position=position)) == (np.inf, np.inf, np.inf)
 
 
-def test_the_search_takes_the_setting_of_least_error_and_the_page_states_failures(engines, four_bar):
-    compare, mujoco = engines("engine_table"), engines("by_mujoco")
-    settings = [item for item in mujoco.SETTINGS if item.step != -25.0]
-    rows = [compare.run(mujoco, four_bar, setting) for setting in settings]
+def test_the_search_takes_the_setting_of_least_error_and_the_page_states_failures(four_bar):
+    settings = [item for item in by_mujoco.SETTINGS if item.step != -25.0]
+    rows = [engine_table.run(by_mujoco, four_bar, setting) for setting in settings]
     assert rows[0].default
     # MuJoCo's own time constant is 20 ms, of a turn of 0.3 s
     assert 1e-3 < rows[0].position < 1e-1
-    least = compare.best(rows)
+    least = engine_table.best(rows)
     assert least.setting == "RK4, loops: mechsim"
     assert least.position < 1e-5
     failed = replace(rows[0], engine="Another", position=None, failure="couplings between joints")
-    page = compare.written([*rows, failed])
+    page = engine_table.written([*rows, failed])
     assert "| four_bar | " in page
     assert "- Another, couplings between joints: four_bar." in page

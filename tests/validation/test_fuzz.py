@@ -4,17 +4,9 @@ import importlib
 import sys
 from pathlib import Path
 
+import fuzz as study
 import numpy as np
 import pytest
-
-FOLDER = Path(__file__).parents[2] / "validation" / "robustness"
-
-
-@pytest.fixture(scope="module")
-def study():
-    sys.path.insert(0, str(FOLDER))
-    yield importlib.import_module("fuzz")
-    sys.path.remove(str(FOLDER))
 
 
 @pytest.fixture(autouse=True)
@@ -24,7 +16,7 @@ def numbers_as_users_have_them():
         yield
 
 
-def test_random_commands_end_in_a_result_or_one_clear_line(study):
+def test_random_commands_end_in_a_result_or_one_clear_line():
     codes, faults = study.fuzz(12)
     assert faults == []
     # both outcomes occur
@@ -33,18 +25,18 @@ def test_random_commands_end_in_a_result_or_one_clear_line(study):
 
 
 @pytest.mark.slow
-def test_an_interrupted_command_reports_it_and_leaves_no_file(study):
+def test_an_interrupted_command_reports_it_and_leaves_no_file():
     assert study.interrupts(3) == []
 
 
 @pytest.mark.slow
-def test_a_killed_process_leaves_a_complete_file_or_none(study):
+def test_a_killed_process_leaves_a_complete_file_or_none():
     writing, faults = study.kills(2)
     assert faults == []
     assert writing > 0
 
 
-def test_the_fuzzer_detects_seeded_faults(study, monkeypatch, tmp_path):
+def test_the_fuzzer_detects_seeded_faults(monkeypatch, tmp_path):
     def raising():
         raise ZeroDivisionError("oops")
 

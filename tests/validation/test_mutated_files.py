@@ -1,23 +1,14 @@
 """A small study of mutated files: commands end in a result or one clear line."""
 
-import importlib
 import os
 import random
 import sys
-from pathlib import Path
 
+import mutated_files as study
 import numpy as np
 import pytest
 
-FOLDER = Path(__file__).parents[2] / "validation" / "robustness"
 pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="mutants run in forked processes")
-
-
-@pytest.fixture(scope="module")
-def study():
-    sys.path.insert(0, str(FOLDER))
-    yield importlib.import_module("mutated_files")
-    sys.path.remove(str(FOLDER))
 
 
 @pytest.fixture(autouse=True)
@@ -27,7 +18,7 @@ def numbers_as_users_have_them():
         yield
 
 
-def test_mutated_files_end_in_a_result_or_one_clear_line(study, tmp_path):
+def test_mutated_files_end_in_a_result_or_one_clear_line(tmp_path):
     chance, codes, faults = random.Random(5), [], []
     for number in range(8):
         folder = tmp_path / str(number)
@@ -48,7 +39,7 @@ def test_mutated_files_end_in_a_result_or_one_clear_line(study, tmp_path):
         (lambda: os.kill(os.getpid(), 9), "ended by SIGKILL"),
     ],
 )
-def test_a_seeded_fault_is_reported(study, monkeypatch, tmp_path, wrong, fault):
+def test_a_seeded_fault_is_reported(monkeypatch, tmp_path, wrong, fault):
     def command():
         wrong()
         sys.exit(0)
@@ -58,7 +49,7 @@ def test_a_seeded_fault_is_reported(study, monkeypatch, tmp_path, wrong, fault):
     assert any(fault in text for text in faults)
 
 
-def test_memory_over_the_limit_is_reported(study, monkeypatch, tmp_path):
+def test_memory_over_the_limit_is_reported(monkeypatch, tmp_path):
     def command():
         # its pages are written
         assert len(bytearray(b"x") * 10**8) == 10**8
@@ -70,7 +61,7 @@ def test_memory_over_the_limit_is_reported(study, monkeypatch, tmp_path):
     assert any("GB" in text for text in faults)
 
 
-def test_a_command_that_does_not_end_is_stopped(study, monkeypatch, tmp_path):
+def test_a_command_that_does_not_end_is_stopped(monkeypatch, tmp_path):
     def command():
         while True:
             pass
