@@ -292,7 +292,16 @@ class Mechanism:
 
     def ends(self, link: str) -> list[End]:
         """Return the joint ends on a link."""
-        return [end for joint in self.joints for end in (joint.a, joint.b) if end.link == link]
+        return self._ends_by_link.get(link, [])
+
+    @cached_property
+    def _ends_by_link(self) -> dict[str, list[End]]:
+        """The joint ends on each link, in the order of the joints."""
+        ends: dict[str, list[End]] = {}
+        for joint in self.joints:
+            for end in (joint.a, joint.b):
+                ends.setdefault(end.link, []).append(end)
+        return ends
 
     @cached_property
     def characteristic_length(self) -> float:

@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -13,11 +14,13 @@ from mechsim.kinematics.loops.motion import driven_path, solve_along
 from mechsim.kinematics.loops.path import LoopPath
 from mechsim.kinematics.loops.start import start_poses
 from mechsim.kinematics.solvers import KinematicSolver
+from mechsim.mechanism.links import GROUND, Pose
 from mechsim.mechanism.masses import summary
-from mechsim.mechanism.mechanism import Up
+from mechsim.mechanism.mechanism import Mechanism, Up
 from mechsim.mechanism.motion import Motion, select_instants
 from mechsim.mechanism.motion_laws import constant, interval_around, make_motion_laws, steady, within_range
 from mechsim.numerics.arrays import REVOLUTION, Array
+from mechsim.numerics.graphs import components
 from mechsim.pictures.render.drawn_model import drawn_as
 from mechsim.pictures.view.pose_grid import (
     GhostTrack,
@@ -28,6 +31,7 @@ from mechsim.pictures.view.pose_grid import (
     ascending,
     ghost_of,
     motion_grid,
+    with_resting,
 )
 from mechsim.studies.drawn_motion import stepped
 from mechsim.studies.release import Release
@@ -214,19 +218,73 @@ def hand_grids(
         limits: joint -> its range, if a file states it.
         start: driver -> initial value, for drivers without a motion law.
     """
-    solver.mechanism.require_driver()
+    mechanism = solver.mechanism
+    mechanism.require_driver()
     begin, bounds = {**start, **solver.motion_laws.first}, (-np.inf, np.inf)
-    return [_hand_grid(solver, name, begin, limits.get(name, bounds)) for name in solver.mechanism.drivers]
+    groups = connected_links(mechanism)
+    if len(groups) == 1:
+        return [
+            _hand_grid(solver, name, mechanism, begin, limits.get(name, bounds)) for name in mechanism.drivers
+        ]
+    # only the links that are connected with a driver move with it
+    laws = make_motion_laws(mechanism, {name: steady(begin[name], 1.0) for name in mechanism.drivers}, 1.0)
+    motion = solve_along(driven_path(mechanism, laws), np.zeros(1), laws.rate, 0.0, laws)
+    rest = motion_grid("rest", mechanism, motion, nodes=np.zeros(1), driver="", speeds=False)
+    grids: list[PoseGrid] = []
+    for name in mechanism.drivers:
+        links = next(group for group in groups if {*mechanism.joint_with(name)[0].links} - {GROUND} <= group)
+        connected = mechanism_of(mechanism, links, motion)
+        grids.append(with_resting(_hand_grid(solver, name, connected, begin, limits.get(name, bounds)), rest))
+    return grids
+
+
+def connected_links(mechanism: Mechanism) -> list[set[str]]:
+    """Return the groups of moving links that joints and couplings connect other than by the frame."""
+    of_coordinate = {name: joint.links for joint in mechanism.joints for name in joint.coordinates}
+    tied = [joint.links for joint in mechanism.joints]
+    tied += [
+        tuple(link for name in law.coordinates for link in of_coordinate[name]) for law in mechanism.laws
+    ]
+    moving = [[link for link in links if link != GROUND] for links in tied]
+    return components(mechanism.link_names[1:], [pair for links in moving for pair in pairwise(links)])
+
+
+def mechanism_of(mechanism: Mechanism, links: set[str], motion: Motion) -> Mechanism:
+    """Return a mechanism of some links and of the joints between them, in the first pose of a motion."""
+    joints = tuple(joint for joint in mechanism.joints if {*joint.links} - {GROUND} <= links)
+    coordinates = {name for joint in joints for name in joint.coordinates}
+    drivers = tuple(name for name in mechanism.drivers if name in coordinates)
+    values = {name: float(joint.value[0]) for name, joint in motion.joints.items() if name in coordinates}
+    poses = {name: Pose(motion.links[name].position[0], motion.links[name].rotation[0]) for name in links}
+    names = {joint.name for joint in joints}
+    return replace(
+        mechanism,
+        links=tuple(link for link in mechanism.links if link.name in links),
+        joints=joints,
+        driver=drivers,
+        points={name: point for name, point in mechanism.points.items() if point[0] in links},
+        gears=tuple(gear for gear in mechanism.gears if {gear.driver, gear.driven} <= names),
+        guess=poses,
+        start=values.get(drivers[0], 0.0),
+        couplings=tuple(each for each in mechanism.couplings if {*each.coordinates} <= coordinates),
+        locked={name: value for name, value in mechanism.locked.items() if name in coordinates},
+        guess_coordinates=values,
+        contacts={name: contact for name, contact in mechanism.contacts.items() if name in names},
+    )
 
 
 def _hand_grid(
-    solver: KinematicSolver, moved: str, start: Mapping[str, float], limits: tuple[float, float]
+    solver: KinematicSolver,
+    moved: str,
+    mechanism: Mechanism,
+    start: Mapping[str, float],
+    limits: tuple[float, float],
 ) -> PoseGrid:
-    """Return the poses over one driver, the others where they start.
+    """Return the poses over one driver of a mechanism, the others where they start.
 
     Its range is half as large again as that of its motion law, within its limits.
     """
-    mechanism, laws, values = solver.mechanism, solver.motion_laws, np.array([start[moved]])
+    laws, values = solver.motion_laws, np.array([start[moved]])
     angle = mechanism.unit(moved) == "rad"
     if moved in laws.by_name:
         values = laws.by_name[moved](np.linspace(0.0, laws.duration, 257))[0]

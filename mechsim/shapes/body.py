@@ -215,12 +215,16 @@ def free_sides(mechanism: Mechanism, poses: Mapping[str, Pose]) -> dict[str, flo
     Returns:
         Joint -> +1 or -1, along the axis of its end on the ground.
     """
-    reach, share = 9.0 * rod_radius(mechanism), np.linspace(0.0, 1.0, 9)[:, None]
+    radius, share = rod_radius(mechanism), np.linspace(0.0, 1.0, 9)[:, None]
+    reach = 9.0 * radius
     rods = {
         link.name: np.array([a + share * (b - a) for a, b in edges(stations(mechanism, link.name))])
         for link in mechanism.links
         if link.name in poses
     }
+    names, balls = [*rods], [_ball(poses[link], rod) for link, rod in rods.items()]
+    centres = np.array([centre for centre, _ in balls]).reshape(-1, 3)
+    radii = np.array([radius_ for _, radius_ in balls])
     sides: dict[str, float] = {}
     for joint in mechanism.joints:
         for ground, moving in ((joint.a, joint.b), (joint.b, joint.a)):
@@ -230,15 +234,32 @@ def free_sides(mechanism: Mechanism, poses: Mapping[str, Pose]) -> dict[str, flo
             for side in (-1.0, 1.0):
                 along = np.linspace(0.25, 1.0, 5)[:, None] * reach * side
                 shaft = np.asarray(ground.point) + along * np.asarray(ground.axis)
-                others = (_gap(shaft, poses[link], rod) for link, rod in rods.items() if link != moving.link)
-                gaps[side] = min(others, default=0.0)
+                # the nearest links first; none of those beyond the smallest distance so far can be nearer
+                others = [i for i, link in enumerate(names) if link != moving.link]
+                least = np.linalg.norm(centres[others, None] - shaft, axis=2).min(1) - radii[others]
+                smallest = np.inf
+                for i in np.argsort(least):
+                    if least[i] > smallest:
+                        break
+                    link = names[others[i]]
+                    smallest = min(smallest, _gap(shaft, poses[link], rods[link]))
+                gaps[side] = smallest if others else 0.0
             middle = np.array([end.point for end in mechanism.ends(GROUND)]).mean(0)
             inward = float((middle - np.asarray(ground.point)) @ np.asarray(ground.axis))
             # a clear difference decides; else the shaft points away from the mechanism
             away = 1.0 if inward < -reach / 90.0 else -1.0
-            clear = abs(gaps[1.0] - gaps[-1.0]) > 2.0 * rod_radius(mechanism)
+            clear = abs(gaps[1.0] - gaps[-1.0]) > 2.0 * radius
             sides[joint.name] = max(gaps, key=gaps.__getitem__) if clear else away
     return sides
+
+
+def _ball(pose: Pose, rods: Array) -> tuple[Array, float]:
+    """Return centre (3,) and radius of a ball about rods in all poses of their link."""
+    local = rods.reshape(-1, 3) if rods.size else np.zeros((1, 3))
+    centres = np.atleast_2d(pose.position + pose.rotation @ local.mean(0))
+    middle = centres.mean(0)
+    own, moved = (np.linalg.norm(each - each.mean(0), axis=1).max() for each in (local, centres))
+    return middle, float(own + moved) * (1.0 + 1e-9)
 
 
 def _gap(points: Array, pose: Pose, rods: Array) -> float:
@@ -257,28 +278,30 @@ def planar_normals(mechanism: Mechanism) -> dict[str, Array] | None:
     """
     if not all(KINDS[joint.kind].aligned for joint in mechanism.joints):
         return None
-    normals = hinged_normals(mechanism)
+    normals, length = hinged_normals(mechanism), span(mechanism)
     for link, normal in (normals or {}).items():
         heights = [float(normal @ end.point) for end in mechanism.ends(link)]
-        if heights and max(heights) - min(heights) > 1e-9 * span(mechanism):
+        if heights and max(heights) - min(heights) > 1e-9 * length:
             return None
     return normals
 
 
 def layers_of(mechanism: Mechanism) -> dict[str, float]:
     """Return layers of a planar mechanism; links with a common joint or pin lie in different ones."""
-    pairs = [pair for joint in mechanism.joints for pair in ((joint.a, joint.b), (joint.b, joint.a))]
+    # link -> point of each of its joint ends, and the end on the other link
+    pairs: dict[str, list[tuple[Array, End]]] = {name: [] for name in mechanism.link_names}
+    for joint in mechanism.joints:
+        pairs[joint.a.link].append((np.asarray(joint.a.point), joint.b))
+        pairs[joint.b.link].append((np.asarray(joint.b.point), joint.a))
     layers: dict[str, int] = {}
     for link in mechanism.links:
-        joined = [other for end, other in pairs if end.link == link.name]
+        joined = [other for _, other in pairs[link.name]]
         adjacent = {end.link for end in joined}
         # links on the same pin of a third one
-        adjacent |= {
-            other.link
-            for end, other in pairs
-            for pin in joined
-            if end.link == pin.link and np.allclose(end.point, pin.point, rtol=0.0, atol=1e-9)
-        }
+        for pin in joined:
+            points = np.array([point for point, _ in pairs[pin.link]])
+            same = (np.abs(points - pin.point) <= 1e-9).all(1)
+            adjacent |= {pairs[pin.link][i][1].link for i in np.flatnonzero(same)}
         used = {layers[name] for name in adjacent if name in layers}
         layers[link.name] = next(i for i in range(len(used) + 1) if i not in used)
     middle = max(layers.values(), default=0) / 2.0

@@ -18,7 +18,7 @@ from mechsim.mechanism.link_poses import hinged_normals, with_rods
 from mechsim.mechanism.links import GROUND, IDENTITY, Pose
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
-from mechsim.pictures.view.pose_grid import PoseGrid, View, quaternions
+from mechsim.pictures.view.pose_grid import PoseGrid, Readout, View, quaternions
 from mechsim.shapes import camera as cameras
 from mechsim.shapes.body import (
     edges,
@@ -124,6 +124,7 @@ def _data(view: View) -> dict[str, Any]:
         "middle": _short(np.mean([poses[link.name].position[0] for link in drawn.links], axis=0)),
         "floor": {"normal": _short(normal), "at": floor},
         "own_bodies": bool(view.bodies),
+        **_at_rest(view.grids),
         "grids": [_grid(grid) for grid in view.grids],
         "live": {**view.live.data, "edges": _edges(mechanism)} if view.live else None,
     }
@@ -199,8 +200,34 @@ def _cameras(view: View, balls: Array, radii: Array) -> list[dict[str, Any]]:
     return presets
 
 
+def _at_rest(grids: Sequence[PoseGrid]) -> dict[str, Any]:
+    """Return all links, and poses and read-outs of what is at rest in a grid: the same in all these grids."""
+    poses = {link: (np.zeros((1, 3)), np.zeros((1, 4))) for grid in grids for link in grid.position}
+    readouts: dict[str, dict[str, Any]] = {}
+    for grid in grids:
+        for link, position in grid.position.items():
+            if len(position) == 1:
+                poses[link] = position, grid.quaternion[link]
+        for readout in grid.readouts if any(not _moves(readout) for readout in grid.readouts) else ():
+            readouts.setdefault(readout.name, {})
+            if not _moves(readout):
+                readouts[readout.name] = _readout(readout)
+    rest = np.concatenate([np.hstack(pose) for pose in poses.values()])
+    return {"links": [*poses], "rest": _packed(rest), "readouts": [*readouts.values()]}
+
+
+def _moves(readout: Readout) -> bool:
+    return len(next(iter(readout.components.values()))) > 1
+
+
+def _readout(readout: Readout) -> dict[str, Any]:
+    values = _packed(np.stack(list(readout.components.values()), -1))
+    return {"name": readout.name, "unit": readout.unit, "parts": list(readout.components), "values": values}
+
+
 def _grid(grid: PoseGrid) -> dict[str, Any]:
     links, slider, shown = list(grid.position), grid.slider, None
+    moving = [link for link in links if len(grid.position[link]) > 1]
     if ghost := grid.ghost:
         differences = _by_link(links, ghost.shift, ghost.rotation)
         shown = {"name": ghost.name, "nodes": _short(ghost.nodes, 15), "by": ghost.by, "values": differences}
@@ -210,17 +237,9 @@ def _grid(grid: PoseGrid) -> dict[str, Any]:
         "name": grid.name,
         "note": grid.note,
         "sliders": [{**own, "start": slider.start, "marks": landmarks}],
-        "links": links,
-        "poses": _by_link(links, grid.position, grid.quaternion),
-        "readouts": [
-            {
-                "name": readout.name,
-                "unit": readout.unit,
-                "parts": list(readout.components),
-                "values": _packed(np.stack(list(readout.components.values()), -1)),
-            }
-            for readout in grid.readouts
-        ],
+        "moving": [links.index(link) for link in moving],
+        "poses": _by_link(moving, grid.position, grid.quaternion),
+        "readouts": [_readout(readout) for readout in grid.readouts if _moves(readout)],
         "ghost": shown,
     }
 

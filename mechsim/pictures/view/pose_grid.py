@@ -1,7 +1,7 @@
 """Records of an interactive page: sliders, poses, read-outs."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -72,7 +72,7 @@ class Readout:
     Attributes:
         name: name of the quantity.
         unit: in SI, "rad", "m", "m/s", "".
-        components: name of a component -> its values, of the shape of the grid; "" for a scalar.
+        components: name of a component -> its values, (n,), or (1,) if it is constant; "" for a scalar.
     """
 
     name: str
@@ -106,8 +106,8 @@ class PoseGrid:
     Attributes:
         name: name on the page.
         slider: the driver that is moved.
-        position: link -> position of its origin, (n, 3) in [m].
-        quaternion: link -> its orientation, (n, 4), scalar first.
+        position: link -> position of its origin, (n, 3) in [m], or (1, 3) of a link at rest.
+        quaternion: link -> its orientation, (n, 4), scalar first, or (1, 4).
         readouts: quantities shown as numbers and as curves.
         ghost: of another method; None without one.
         note: further text on its source.
@@ -191,6 +191,17 @@ def motion_grid(
     )
     readouts = (*_readouts(mechanism, motion, speeds), *extra)
     return PoseGrid(name, slider, position, quaternion, readouts)
+
+
+def with_resting(grid: PoseGrid, rest: PoseGrid) -> PoseGrid:
+    """Return a grid of some links with the others at rest, in the only pose of a grid of all links."""
+    own = {readout.name: readout for readout in grid.readouts}
+    return replace(
+        grid,
+        position={**rest.position, **grid.position},
+        quaternion={**rest.quaternion, **grid.quaternion},
+        readouts=tuple(own.get(readout.name, readout) for readout in rest.readouts),
+    )
 
 
 def ascending(motion: Motion) -> slice:

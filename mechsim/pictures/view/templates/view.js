@@ -17,10 +17,18 @@ function floats(text) {
   return new Float32Array(bytes.buffer);
 }
 
+DATA.rest = floats(DATA.rest);
+for (const readout of DATA.readouts) readout.values = floats(readout.values);
 for (const grid of DATA.grids) {
+  grid.links = DATA.links;
   grid.poses = floats(grid.poses);
   for (const readout of grid.readouts) readout.values = floats(readout.values);
   if (grid.ghost) grid.ghost.values = floats(grid.ghost.values);
+  // what is at rest in a grid is stored once
+  if (grid.moving.length < grid.links.length) {
+    const own = new Map(grid.readouts.map((readout) => [readout.name, readout]));
+    grid.readouts = DATA.readouts.map((readout) => own.get(readout.name) || readout);
+  }
 }
 if (DATA.live) DATA.grids.unshift(liveGrid(DATA.live));
 
@@ -59,11 +67,12 @@ function posesAt(grid, values) {
 }
 
 function posesFrom(grid, { index, weight }) {
-  const width = 7 * grid.links.length, all = grid.poses, out = new Float64Array(width);
-  for (let l = 0; l < grid.links.length; l++) {
-    const o = 7 * l, first = index[0] * width + o;
+  const width = 7 * grid.moving.length, all = grid.poses, out = Float64Array.from(DATA.rest);
+  for (let l = 0; l < grid.moving.length; l++) {
+    const o = 7 * grid.moving[l], first = index[0] * width + 7 * l;
+    out.fill(0, o, o + 7);
     for (let j = 0; j < index.length; j++) {
-      const from = index[j] * width + o;
+      const from = index[j] * width + 7 * l;
       let same = 0;
       for (let k = 3; k < 7; k++) same += all[from + k] * all[first + k];
       const sign = same < 0 ? -weight[j] : weight[j];
@@ -80,6 +89,7 @@ function posesFrom(grid, { index, weight }) {
 function readAt(grid, readout, values) {
   if (grid.solver) return grid.read(readout, values);
   const width = readout.parts.length, out = new Array(width).fill(0);
+  if (readout.values.length === width) return Array.from(readout.values);
   const { index, weight } = stencil(grid.sliders[0], values[0]);
   for (let j = 0; j < index.length; j++)
     for (let k = 0; k < width; k++) out[k] += weight[j] * readout.values[index[j] * width + k];
