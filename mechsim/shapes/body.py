@@ -224,7 +224,7 @@ def free_sides(mechanism: Mechanism, poses: Mapping[str, Pose]) -> dict[str, flo
     }
     names, balls = [*rods], [_ball(poses[link], rod) for link, rod in rods.items()]
     centres = np.array([centre for centre, _ in balls]).reshape(-1, 3)
-    radii = np.array([radius_ for _, radius_ in balls])
+    radii = np.array([ball[1] for ball in balls])
     sides: dict[str, float] = {}
     for joint in mechanism.joints:
         for ground, moving in ((joint.a, joint.b), (joint.b, joint.a)):
