@@ -4,19 +4,21 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mechsim.errors import AssemblyError
 from mechsim.numerics import rank as numerical_rank
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.newton import NewtonSettings, newton, square_solution
-from mechsim.numerics.rank import FLOOR, RANK_TOLERANCE, SPARSE, least_norm, significant
+from mechsim.numerics.rank import FLOOR, RANK_TOLERANCE, significant
 from mechsim.simulation.model_loops import ModelLoops
 
 # closure error, in characteristic lengths or [rad], that counts as rounding: a few times the error of
 # Newton's method for a well-conditioned loop
 CLOSED_ERROR = 1e-14
 NEWTON = NewtonSettings(max_iterations=50, tolerance=CLOSED_ERROR, rounding=1e-11)
+
+# Jacobians (n, m, nv) and dimensionless residuals (n, m) -> what is subtracted from the DOFs, (n, nv)
+Step = Callable[[Array, Array], Array]
 
 
 @dataclass(frozen=True)
@@ -52,18 +54,18 @@ class LoopEquations:
         return self.loops.displaced(q, step)
 
 
-def close(loops: ModelLoops, qpos: Array, locked: NDArray[np.int64] | None = None) -> Array:
+def close(loops: ModelLoops, qpos: Array, step: Step | None = None) -> Array:
     """Return n states with closed loops and unchanged crank angles, by Newton's method.
 
     Args:
         loops: loops of the model.
         qpos: initial guesses, (n, nq).
-        locked: as in `close_each`.
+        step: as in `close_each`.
 
     Raises:
         AssemblyError: if a loop does not close.
     """
-    states, error = close_each(loops, qpos, locked)
+    states, error = close_each(loops, qpos, step)
     worst = int(np.argmax(error))
     if not error.max(initial=0.0) < NEWTON.rounding:
         angle = float(states[worst, loops.crank_address])
@@ -75,9 +77,7 @@ def close(loops: ModelLoops, qpos: Array, locked: NDArray[np.int64] | None = Non
     return states
 
 
-def close_each(
-    loops: ModelLoops, qpos: Array, locked: NDArray[np.int64] | None = None
-) -> tuple[Array, Array]:
+def close_each(loops: ModelLoops, qpos: Array, step: Step | None = None) -> tuple[Array, Array]:
     """Return n states after Newton's method with the crank locked, and their closure errors, (n,).
 
     A state has converged if its closure error, in characteristic lengths or [rad], is below
@@ -86,32 +86,18 @@ def close_each(
     Args:
         loops: loops of the model.
         qpos: initial guesses, (n, nq).
-        locked: indices of the DOFs that keep their values in place of the crank; the others move least.
+        step: the steps of all DOFs; None for those with the crank locked.
     """
-    free = None if locked is None else np.setdiff1d(np.arange(loops.model.nv), locked)
 
-    def step(jacobian: Array, scaled_residual: Array) -> Array:
-        if free is None:
-            return -newton_step(loops, scaled_residual / loops.scale, jacobian)
-        result = np.zeros((len(jacobian), loops.model.nv))
-        matrix = jacobian[:, :, free] * loops.scale[..., None] * loops.units[free]
-        result[:, free] = loops.units[free] * _least_norm(matrix, scaled_residual)
-        return result
+    def with_locked_crank(jacobian: Array, residual: Array) -> Array:
+        return -newton_step(loops, residual / loops.scale, jacobian)
 
     try:
-        states = newton(LoopEquations(loops), qpos, NEWTON, step).q
+        states = newton(LoopEquations(loops), qpos, NEWTON, step or with_locked_crank).q
     except np.linalg.LinAlgError:
         states = qpos
     error = loops.closure_error(loops.residual(states))
     return states, np.where(np.isfinite(error), error, np.inf)
-
-
-def _least_norm(matrix: Array, right: Array) -> Array:
-    if matrix.shape[2] < SPARSE:
-        return least_norm(matrix, right)
-    from mechsim.numerics.banded import sparse_least_norm
-
-    return sparse_least_norm(matrix, right)
 
 
 def rounding(loops: ModelLoops) -> float:

@@ -27,6 +27,7 @@ from mechsim.simulation.dynamics.forward_run import (
     without_cuts,
 )
 from mechsim.simulation.dynamics.loaded_model import LoadedModel
+from mechsim.simulation.dynamics.nearest_steps import nearest_steps
 from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.simulation.state import mass_matrix
 
@@ -36,7 +37,6 @@ TIMESTEP = 1e-3
 # too high, with 1e-10 1e-8. But stiff loops round more: with 1e-10 a frequency of planar_3rrr was 2 % off,
 # with 1e-8 less than 1e-5. The change between two of them shows both errors
 COMPLIANCES = 10.0 ** -np.arange(6.0, 11.0)
-NONE_LOCKED = np.zeros(0, dtype=np.int64)
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +95,7 @@ def static_state(
         """Return the nearest closed states after steps forwards and backwards along each, (2 dof, nq)."""
         steps = step * np.repeat(directions, 2, 0) * np.tile([1.0, -1.0], dof)[:, None]
         states = loops.displaced(np.repeat(qpos[None], 2 * dof, 0), steps)
-        return loop_jacobian.close(loops, states, NONE_LOCKED)
+        return loop_jacobian.close(loops, states, nearest_steps(loops))
 
     def differences(accelerations: _Accelerations, step: float) -> Array:
         """Return the central differences by displacements, then by rates, (dof, 2 dof)."""
