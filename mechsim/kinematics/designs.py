@@ -139,28 +139,21 @@ def _joint_dimensions(joint: Joint) -> list[tuple[str, float, str]]:
 
 def _placed(mechanism: Mechanism, values: Mapping[str, float]) -> Mechanism:
     """Return a mechanism with changed joint positions and tilts."""
-    joints = {joint.name: joint for joint in mechanism.joints}
+    before = {joint.name: joint for joint in mechanism.joints}
+    joints = {**before}
     for name, value in values.items():
-        rest, what, axis = name.rsplit(".", 2)
-        own = rest in joints and not (rest[:-2] in joints and rest[-2:] in (".a", ".b"))
-        joint, side = (rest, "") if own else (rest[:-2], rest[-1:])
-        change = np.zeros(3)
+        joint, what, axis = name.rsplit(".", 2)
+        side = ""
+        if joint not in joints or (joint[:-2] in joints and joint[-2:] in (".a", ".b")):
+            joint, side = joint[:-2], joint[-1:]
         i = AXES.index(axis)
-        before = mechanism.joint(joint)
-        start = (before.a if side == "a" else before.b).point[i] if what == "at" else 0.0
-        change[i] = value - start
-        joints[joint] = _moved(mechanism, joints[joint], side, what, change)
+        start = (before[joint].a if side == "a" else before[joint].b).point[i] if what == "at" else 0.0
+        change = (value - start) * np.eye(3)[i]
+        moved = joints[joint]
+        frames = {side: np.eye(3)} if side else {"a": _between(mechanism, moved), "b": np.eye(3)}
+        ends = {key: _end(getattr(moved, key), what, frame @ change) for key, frame in frames.items()}
+        joints[joint] = replace(moved, **ends)
     return replace(mechanism, joints=tuple(joints.values()))
-
-
-def _moved(mechanism: Mechanism, joint: Joint, side: str, what: str, change: Array) -> Joint:
-    if side:
-        return replace(joint, **{side: _end(getattr(joint, side), what, change)})
-    return replace(
-        joint,
-        a=_end(joint.a, what, _between(mechanism, joint) @ change),
-        b=_end(joint.b, what, change),
-    )
 
 
 def _between(mechanism: Mechanism, joint: Joint) -> Array:

@@ -65,7 +65,7 @@ def path_instants(
     if angles is not None:
         raise InputError(f"{mechanism.name}: both crank angles and times t are given; leave one of them out")
     motion_laws.require_drivers(mechanism)
-    time = _times(mechanism.name, t)
+    time = _finite_list(f"{mechanism.name}: times t", t, f" in s, as {EXAMPLE}")
     constant = np.nan if speed is None else number(speed)
     if not (np.isfinite(constant) and number(acceleration) == 0.0):
         raise InputError(
@@ -95,7 +95,7 @@ def _under_laws(
         raise InputError(
             f"{mechanism.name}: motion laws drive {drivers} and determine every rate; leave {what} out"
         )
-    time = _times(mechanism.name, t)
+    time = _finite_list(f"{mechanism.name}: times t", t, f" in s, as {EXAMPLE}")
     for name, state in motion_laws.by_name.items():
         # only a motion law from a table ends
         end = getattr(state, "end_time", None)
@@ -106,10 +106,6 @@ def _under_laws(
                 "give times within it, or more rows"
             )
     return PathInstants(motion_laws.parameter(time), motion_laws.rate, 0.0, time)
-
-
-def _times(name: str, t: ArrayLike) -> Array:
-    return _finite_list(f"{name}: times t", t, f" in s, as {EXAMPLE}")
 
 
 def _finite_list(what: str, values: ArrayLike, remedy: str) -> Array:

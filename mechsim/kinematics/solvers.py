@@ -22,7 +22,7 @@ from mechsim.mechanism.links import VIRTUAL_PREFIX
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.motion import ChangePointPolicy, Motion, short_repr
 from mechsim.mechanism.motion_laws import CRANK, Arcs, MotionLaws, interval_around
-from mechsim.numerics.arrays import REVOLUTION, Array
+from mechsim.numerics.arrays import REVOLUTION, Array, wrapped
 from mechsim.units import WrittenUnits
 
 if TYPE_CHECKING:
@@ -385,9 +385,7 @@ class KinematicSolver:
         distinct: list[float] = []
         for point in within:
             angle = float((point + np.pi) % REVOLUTION - np.pi)
-            if all(
-                abs((angle - other + np.pi) % REVOLUTION - np.pi) > SAME_CHANGE_POINT for other in distinct
-            ):
+            if all(abs(wrapped(np.array(angle - other))) > SAME_CHANGE_POINT for other in distinct):
                 distinct.append(angle)
         return tuple(sorted(distinct))
 
@@ -452,10 +450,7 @@ class KinematicSolver:
         if ends == [low, high] or None in ends:
             return closing
         low, high = (float(end) for end in ends if end is not None)
-        if closing.full and high - low >= REVOLUTION:
-            return closing
-        revolution = REVOLUTION * np.floor((low + np.pi) / REVOLUTION)
-        return Arcs(False, ((low - revolution, high - revolution),))
+        return closing if closing.full and high - low >= REVOLUTION else Arcs.between(low, high)
 
     def _range_end(self, start: float, end: float) -> float | None:
         """Return the crank angle reached from its start towards an angle, in [rad]; None if there is none."""
@@ -486,8 +481,7 @@ class KinematicSolver:
         if len(singular) == 2:
             raise singular[0]
         high, low = ends
-        revolution = REVOLUTION * np.floor((low + np.pi) / REVOLUTION)
-        return Arcs(False, ((low - revolution, high - revolution),) if high - low > SAME_ANGLE else ())
+        return Arcs.between(low, high) if high - low > SAME_ANGLE else Arcs(False, ())
 
 
 def written_links(motion: Motion) -> Motion:

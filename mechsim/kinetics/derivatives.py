@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechsim.kinematics.derivatives.dimensions import force_numbers, numbers_of, with_force_numbers
+from mechsim.kinematics.derivatives.dimensions import numbers_in, numbers_of, renumbered
 from mechsim.kinematics.derivatives.motion import TracedMotion
 from mechsim.kinetics.applied_forces import STILL
 from mechsim.kinetics.model import DynamicModel
@@ -57,11 +57,11 @@ def forces_along(
     followed = replace(followed, mechanism=model.mechanism)
     study = perturbed_forces(model, followed.motion(), speed, acceleration)
     by: dict[str, dict[str, Array]] = {}
-    acting = force_numbers(model.forces)
+    acting = numbers_in(model.forces)
     for name, derivative in change.items():
         own, others = _split(derivative, len(acting))
         mechanism, motion = followed.changed(name, own)
-        forces = with_force_numbers(model.forces, stepped(acting, others))
+        forces = renumbered(model.forces, stepped(acting, others))
         moved = replace(model, mechanism=mechanism, forces=forces)
         forces_moved = perturbed_forces(moved, motion, speed, acceleration, model.mechanism)
         by[name] = {column: change_of(values) for column, values in forces_moved.columns()}
@@ -77,7 +77,7 @@ def _split(derivative: Array | None, acting: int) -> tuple[Array | None, Array]:
 
 def model_numbers(mechanism: Mechanism, forces: Forces) -> Array:
     """Return the numbers of a mechanism with masses and of its forces, (k,) in SI."""
-    return np.concatenate([numbers_of(mechanism), force_numbers(forces)])
+    return np.concatenate([numbers_of(mechanism), numbers_in(forces)])
 
 
 def perturbed_forces(

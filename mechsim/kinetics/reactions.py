@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.kinematics.loops.maximal_coordinates import is_length, row_units
+from mechsim.kinematics.loops.maximal_coordinates import row_units
 from mechsim.kinetics.unit_motion import UnitMotion
 from mechsim.mechanism.force_record import MeshForce, Reaction
 from mechsim.mechanism.joint_kinds import COLUMN, KINDS
@@ -241,7 +241,8 @@ def linear_reactions(
 
 
 def _spans(mechanism: Mechanism) -> list[slice]:
-    ends = np.cumsum([0, *(len(is_length(joint)) for joint in mechanism.joints)]).tolist()
+    kinds = [KINDS[joint.kind] for joint in mechanism.joints]
+    ends = np.cumsum([0, *(kind.forces + kind.moments for kind in kinds)]).tolist()
     return [slice(first, last) for first, last in pairwise(ends)]
 
 

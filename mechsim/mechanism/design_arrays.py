@@ -93,10 +93,9 @@ def design_arrays(like: Mechanism, designs: Sequence[Mechanism]) -> DesignArrays
     """Return the dimensions of designs that have the structure of `like`."""
     ends: dict[str, Ends] = {}
     for i, joint in enumerate(like.joints):
-        sides = [[design.joints[i].a for design in designs], [design.joints[i].b for design in designs]]
-        points = [np.array([end.point for end in side]).T for side in sides]
-        frames = [np.moveaxis(np.array([end.frame for end in side]), 0, -1) for side in sides]
-        ends[joint.name] = points[0], frames[0], points[1], frames[1]
+        sides = zip(*(design.joints[i].sides for design in designs), strict=True)
+        point_a, frame_a, point_b, frame_b = (np.stack(arrays, -1) for arrays in sides)
+        ends[joint.name] = point_a, frame_a, point_b, frame_b
     points = {name: np.array([design.points[name][1] for design in designs]).T for name in like.points}
     return DesignArrays(like, ends, points)
 

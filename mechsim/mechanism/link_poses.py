@@ -162,7 +162,7 @@ def moved_links(mechanism: Mechanism, motion: Motion) -> dict[str, Pose]:
     Raises:
         InputError: if the motion lacks a link that is a body.
     """
-    poses = {GROUND: Pose(np.zeros(3), np.eye(3))}
+    poses = {GROUND: IDENTITY}
     # links without a body are placed about the others
     for link in sorted(mechanism.links, key=lambda link: not link.is_body):
         if link.name in motion.links:
@@ -185,7 +185,7 @@ def _hidden_link_pose(mechanism: Mechanism, name: str, poses: dict[str, Pose], m
     shift, relative = displaced(KINDS[joint.kind], values, joint.cross_angle)
     frame = carrier.rotation @ joint.a.frame
     rotation = np.broadcast_to(frame @ relative @ joint.b.frame.T, (len(values[0]), 3, 3))
-    position = carrier.point(joint.a.point) + (frame @ shift[..., None])[..., 0]
+    position = carrier.point(joint.a.point) + rotated(frame, shift)
     return Pose(position - rotation @ joint.b.point, rotation)
 
 

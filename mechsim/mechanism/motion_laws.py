@@ -72,6 +72,12 @@ class Arcs:
     full: bool
     arcs: tuple[tuple[float, float], ...]
 
+    @classmethod
+    def between(cls, low: float, high: float) -> Arcs:
+        """Return one interval, which starts in [-pi, pi)."""
+        revolution = REVOLUTION * np.floor((low + np.pi) / REVOLUTION)
+        return cls(False, ((low - revolution, high - revolution),))
+
     def start(self) -> float:
         """Return the start angle: 0 if it is in an interval, else the middle of the longest interval.
 

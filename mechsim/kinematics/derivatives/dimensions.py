@@ -76,14 +76,14 @@ def _unchecked(kind: type) -> type:
     return type(kind.__name__, (kind,), members)
 
 
-def _renumbered(description: Any, number: Callable[[float], Any]) -> Any:
+def _with_each(description: Any, number: Callable[[float], Any]) -> Any:
     """Return a description with each of its numbers replaced by a function of it."""
     if isinstance(description, int | float):
         return number(float(description))
     if isinstance(description, tuple):
-        return tuple(_renumbered(entry, number) for entry in description)
+        return tuple(_with_each(entry, number) for entry in description)
     if isinstance(description, Mapping):
-        return {key: _renumbered(entry, number) for key, entry in description.items()}
+        return {key: _with_each(entry, number) for key, entry in description.items()}
     kind = next((kind for kind in NUMBER_FIELDS if isinstance(description, kind)), None)
     names = getattr(description, "NUMBERS", ()) if kind is None else NUMBER_FIELDS[kind]
     if not names:
@@ -92,24 +92,26 @@ def _renumbered(description: Any, number: Callable[[float], Any]) -> Any:
     copy: Any = object.__new__(_unchecked(kind))
     for name in (entry.name for entry in fields(kind)):
         value = getattr(description, name)
-        object.__setattr__(copy, name, _renumbered(value, number) if name in names else value)
+        object.__setattr__(copy, name, _with_each(value, number) if name in names else value)
     return copy
 
 
-def _numbers(description: object) -> Array:
+def numbers_in(description: object) -> Array:
+    """Return the numbers in a description, such as forces, (k,) in SI; those of load profiles not."""
     numbers: list[float] = []
 
     def listed(number: float) -> float:
         numbers.append(number)
         return number
 
-    _renumbered(description, listed)
+    _with_each(description, listed)
     return np.array(numbers)
 
 
-def _with(description: object, numbers: Array) -> Any:
+def renumbered(description: Any, numbers: Array) -> Any:
+    """Return a description with other numbers, (k,) in the order of `numbers_in`."""
     following = iter(numbers.tolist())
-    return _renumbered(description, lambda _: next(following))
+    return _with_each(description, lambda _: next(following))
 
 
 def _described(mechanism: Mechanism) -> tuple[object, ...]:
@@ -118,7 +120,7 @@ def _described(mechanism: Mechanism) -> tuple[object, ...]:
 
 def numbers_of(mechanism: Mechanism) -> Array:
     """Return all numbers on which the motion and the forces of a mechanism depend, (k,) in SI."""
-    return _numbers(_described(mechanism))
+    return numbers_in(_described(mechanism))
 
 
 def with_numbers(mechanism: Mechanism, numbers: Array) -> GivenMechanism:
@@ -126,22 +128,11 @@ def with_numbers(mechanism: Mechanism, numbers: Array) -> GivenMechanism:
 
     Its characteristic length stays that of the original.
     """
-    joints, links, points, locked, laws = _with(_described(mechanism), numbers)
+    joints, links, points, locked, laws = renumbered(_described(mechanism), numbers)
     own = {field.name: getattr(mechanism, field.name) for field in fields(mechanism)}
     own |= {"joints": joints, "links": links, "points": points, "locked": locked, "gears": ()}
     own |= {"couplings": laws, "given_length": mechanism.characteristic_length}
     return GivenMechanism(**own)
-
-
-def force_numbers(forces: Forces) -> Array:
-    """Return the numbers of forces, (k,) in SI, without load profiles over angle or time."""
-    return _numbers(forces)
-
-
-def with_force_numbers(forces: Forces, numbers: Array) -> Forces:
-    """Return forces with other numbers, (k,) in the order of `force_numbers`."""
-    renumbered: Forces = _with(forces, numbers)
-    return renumbered
 
 
 # weights of the values 1 to 4 steps ahead (and negative ones behind), divided by the step
@@ -227,15 +218,8 @@ def _derivative(perturbed: Array, step: float) -> tuple[Array, float]:
 
 def _steps(dimension: Dimension, length: float) -> Iterator[float]:
     """Yield steps of a dimension in SI, exact in binary numbers, the most suitable first."""
-    for scale in _scales(dimension, length):
+    own, whole = abs(dimension.value), length if dimension.unit == "m" else 1.0
+    scales = [own, whole] if own > SMALL_LENGTH * whole else [whole, own] if own else [whole]
+    for scale in [1.0] if dimension.unit == "rad" else scales:
         for power in POWERS:
             yield float(2.0 ** (np.floor(np.log2(scale)) + power))
-
-
-def _scales(dimension: Dimension, length: float) -> list[float]:
-    """Return possible scales of the steps of a dimension, the most suitable first, in SI."""
-    own = abs(dimension.value)
-    if dimension.unit == "rad":
-        return [1.0]
-    whole = length if dimension.unit == "m" else 1.0
-    return [own, whole] if own > SMALL_LENGTH * whole else [whole, own] if own else [whole]

@@ -75,8 +75,19 @@ class TracedMotion:
 
     def motion(self) -> Motion:
         """Return the motion itself."""
-        record = merged([(chunk.index, with_rates(self.path, chunk)) for chunk in self.chunks])
-        return record_of(self.path, record, self.instants, self.perturbed, self.solver)
+        chunks = [(chunk.index, with_rates(self.path, chunk)) for chunk in self.chunks]
+        return self._record(merged(chunks), self.perturbed)
+
+    def _record(self, moved: LoopMotion, mechanism: GivenMechanism | None) -> Motion:
+        """Return a motion as a record, without conditioning if the mechanism has other numbers."""
+        instants, laws, conditioning = self.instants, self.solver.motion_laws, None
+        described = self.path.loops.tree.original if mechanism is None else mechanism
+        rates = instants.parameter, instants.speed, instants.acceleration
+        record = motion_record(self.path, moved, *rates, described)
+        if mechanism is None:
+            conditioning = record.conditioning
+        time = laws.time(instants.parameter)
+        return replace(record, conditioning=conditioning, time=time, drivers=laws.drivers)
 
     def changed(self, name: str, derivative: Array | None) -> tuple[Mechanism, Motion]:
         """Return the mechanism and the motion with the changes by a dimension as imaginary parts.
@@ -102,7 +113,7 @@ class TracedMotion:
         chunks = [
             (chunk.index, _changed(self.path, chunk, mechanism, name, step, ahead)) for chunk in self.chunks
         ]
-        return mechanism, record_of(self.path, merged(chunks), self.instants, mechanism, self.solver)
+        return mechanism, self._record(merged(chunks), mechanism)
 
     def with_dimensions(
         self, mechanism: Mechanism, ahead: float = 0.0, reach: float = np.inf
@@ -211,10 +222,10 @@ def _changed(
     loops = with_mechanism(chunk.solver.loops, mechanism)
     solver = replace(chunk.solver, loops=loops)
     q = Coordinates(chunk.q.values.astype(complex), chunk.q.turns.astype(complex))
-    for name_of_locked, value in mechanism.locked.items():
-        q.values[loops.tree.index_of[name_of_locked]] += 1j * np.imag(value)
-    for driver in mechanism.drivers:
-        q.values[loops.tree.index_of[driver]] += 1j * STEP * ahead
+    steps = dict.fromkeys(mechanism.drivers, STEP * ahead)
+    steps |= {locked: np.imag(value) for locked, value in mechanism.locked.items()}
+    for coordinate, change in steps.items():
+        q.values[loops.tree.index_of[coordinate]] += 1j * change
     before = solver.linearise(q)
     q = loops.displaced(q, solver.step(before.matrix, before.rhs))
     linearised = solver.linearise(q)
@@ -241,22 +252,6 @@ def with_mechanism(loops: TreeLoops, mechanism: GivenMechanism) -> TreeLoops:
     )
     tree = SpanningTree(own, mechanism, tuple(branches), tuple(joints[cut.name] for cut in old.cuts))
     return replace(loops, tree=tree, cuts=cuts_of(tree))
-
-
-def record_of(
-    path: LoopPath,
-    moved: LoopMotion,
-    instants: Instants,
-    mechanism: GivenMechanism | None,
-    solver: KinematicSolver,
-) -> Motion:
-    """Return a motion as a record, without conditioning if the mechanism has other numbers."""
-    described = path.loops.tree.original if mechanism is None else mechanism
-    record = motion_record(path, moved, instants.parameter, instants.speed, instants.acceleration, described)
-    if mechanism is not None:
-        record = replace(record, conditioning=None)
-    motion_laws = solver.motion_laws
-    return replace(record, time=motion_laws.time(instants.parameter), drivers=motion_laws.drivers)
 
 
 def derivative_of(motion: Motion) -> Motion:

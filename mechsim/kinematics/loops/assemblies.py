@@ -14,7 +14,7 @@ from mechsim.kinematics.loops.start import all_closed, random_poses
 from mechsim.mechanism.joint_kinds import KINDS
 from mechsim.mechanism.joints import Joint, joint_coordinate
 from mechsim.mechanism.limits import Ranges
-from mechsim.mechanism.links import GROUND, IDENTITY, Pose
+from mechsim.mechanism.links import GROUND, IDENTITY, Pose, Vector
 from mechsim.mechanism.motion import LinkMotion
 from mechsim.numerics.arrays import REVOLUTION, Array
 from mechsim.numerics.loop_solver import loop_solver
@@ -56,9 +56,13 @@ def other_assemblies(
     values[list(loops.driven)] = path.prescribed(np.array([parameter]))
     reference = replace(path.start, values=values)
     compared = list(_compared_points(path))
-    signatures = [_points(compared, links) for links in excluded]
+    excluded_poses = [
+        {name: Pose(link.position.reshape(3), link.rotation.reshape(3, 3)) for name, link in links.items()}
+        for links in excluded
+    ]
+    signatures = [_points(compared, links) for links in excluded_poses]
     screws = [joint for joint in loops.tree.original.joints if KINDS[joint.kind].helical]
-    threads = _threads(screws, excluded[0]) if excluded else np.zeros(len(screws))
+    threads = _threads(screws, excluded_poses[0]) if excluded_poses else np.zeros(len(screws))
     others: list[dict[str, Pose]] = []
     families: dict[str, None] = {}
 
@@ -123,17 +127,14 @@ def _within(
         yield each, {name: pose.select(i) for name, pose in poses.items()}
 
 
-def _threads(screws: Sequence[Joint], links: Mapping[str, Pose | LinkMotion]) -> Array:
+def _threads(screws: Sequence[Joint], links: Mapping[str, Pose]) -> Array:
     """Return the displacements of screws in revolutions, (k,)."""
-    placed = {
-        name: Pose(pose.position.reshape(3), pose.rotation.reshape(3, 3)) for name, pose in links.items()
-    }
-    placed[GROUND] = IDENTITY
-    ways = [joint_coordinate(joint, placed[joint.a.link], placed[joint.b.link])[0] for joint in screws]
-    return np.array(ways) / np.array([joint.lead for joint in screws])
+    poses = {GROUND: IDENTITY, **links}
+    pairs = [(joint, joint_coordinate(joint, poses[joint.a.link], poses[joint.b.link])) for joint in screws]
+    return np.array([values[0] / joint.lead for joint, values in pairs])
 
 
-def _compared_points(path: LoopPath) -> Iterator[tuple[str, tuple[float, float, float]]]:
+def _compared_points(path: LoopPath) -> Iterator[tuple[str, Vector]]:
     """Yield joint points, and tracked points of links that do not spin: link and position in its frame."""
     tree, spinning = path.loops.tree, spinning_links(path.first)
     mechanism = tree.original
@@ -145,12 +146,9 @@ def _compared_points(path: LoopPath) -> Iterator[tuple[str, tuple[float, float, 
             yield link, position
 
 
-def _points(
-    compared: Sequence[tuple[str, tuple[float, float, float]]], links: Mapping[str, Pose | LinkMotion]
-) -> Array:
+def _points(compared: Sequence[tuple[str, Vector]], links: Mapping[str, Pose]) -> Array:
     """Return the positions of points on links, (k, 3) in [m]."""
-    placed = {name: (link.position.reshape(3), link.rotation.reshape(3, 3)) for name, link in links.items()}
-    return np.array([placed[link][0] + placed[link][1] @ np.array(local) for link, local in compared])
+    return np.array([links[link].point(local) for link, local in compared])
 
 
 def tracked_positions(path: LoopPath, poses: Mapping[str, Pose]) -> dict[str, Array]:

@@ -120,11 +120,11 @@ class SwingTracer:
             rows, curves = rows[valid], {key: _selected(curve, valid) for key, curve in curves.items()}
         if not len(rows):
             return None
-        low, high = (self._end(curves[direction]) for direction in (-1, 1))
+        low, high = (
+            curve.nodes.q.values[curve.last, self.crank, np.arange(len(rows))]
+            for curve in (curves[-1], curves[1])
+        )
         return Swings(rows, low, high, curves)
-
-    def _end(self, curve: Curve) -> Array:
-        return curve.nodes.q.values[curve.last, self.crank, np.arange(len(curve.last))]
 
     def _loops(self, rows: Rows, count: int) -> TreeLoops:
         return self.designs.select(rows).at_instants(count)
@@ -249,29 +249,23 @@ class SwingTracer:
         """Return coordinates near those at crank angles (d, p) of some of the designs, (p d) sets."""
         # all designs at one instant after another
         row, angle = np.tile(indices, angles.shape[1]), angles.T.ravel()
-        upwards = angle >= swings.curves[1].nodes.q.values[0, self.crank, row]
-        order: list[Rows] = []
         points: list[CurveNodes] = []
         steps: list[Array] = []
-        for direction, curve in swings.curves.items():
-            which = np.flatnonzero(upwards == (direction > 0))
-            design, nodes = row[which], curve.nodes.q.values[:, self.crank]
-            previous = (direction * nodes[:, design] <= direction * angle[which]).sum(0) - 1
-            node = np.clip(previous, 0, curve.last[design] - 1)
-            low, high = nodes[node, design], nodes[node + 1, design]
-            fraction = (angle[which] - low) / (high - low)
+        for direction in (1, -1):
+            curve = swings.curves[direction]
+            nodes, last = curve.nodes.q.values[:, self.crank], curve.last[row] - 1
+            previous = (direction * nodes[:, row] <= direction * angle).sum(0) - 1
+            node = np.clip(previous, 0, last)
+            low, high = nodes[node, row], nodes[node + 1, row]
+            fraction = (angle - low) / (high - low)
             # near a dead centre the crank angle is a quadratic function of the distance
             ends = 1.0 - np.sqrt(np.maximum(1.0 - fraction, 0.0))
-            steps.append(
-                np.where(node == curve.last[design] - 1, ends, fraction) * curve.length[node, design]
-            )
-            at_nodes = partial(_at_nodes, node=node, design=design)
-            points.append(mapped(at_nodes, curve.nodes))
-            order.append(which)
-        back = np.argsort(np.concatenate(order))
-        nearest = mapped(lambda *arrays: np.concatenate(arrays, -1)[..., back], *points)
+            steps.append(np.where(node == last, ends, fraction) * curve.length[node, row])
+            points.append(mapped(partial(_at_nodes, node=node, design=row), curve.nodes))
+        upwards = angle >= swings.curves[1].nodes.q.values[0, self.crank, row]
+        nearest = mapped(partial(np.where, upwards), *points)
         loops = self._loops(swings.rows[indices], len(row))
-        return self._moved(loops, nearest.q, nearest.tangent * np.concatenate(steps)[back])
+        return self._moved(loops, nearest.q, nearest.tangent * np.where(upwards, *steps))
 
 
 def _at_nodes(array: Array, node: Rows, design: Rows) -> Array:

@@ -1,8 +1,8 @@
 """The motion of many designs of one mechanism by their loop equations, all together."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,7 +16,7 @@ from mechsim.kinematics.loops.motion import instants_of_laws, straight_line, wit
 from mechsim.kinematics.loops.path import Instants, LoopMotion, LoopPath, closed_chunks, with_rates
 from mechsim.kinematics.loops.record import joint_motions, point_on
 from mechsim.kinematics.loops.start import ASSEMBLY, CLOSED
-from mechsim.mechanism.design_arrays import DesignArrays, StartedDesigns
+from mechsim.mechanism.design_arrays import DesignArrays, Ends, StartedDesigns
 from mechsim.mechanism.joint_kinds import KINDS
 from mechsim.mechanism.links import GROUND
 from mechsim.mechanism.mechanism import Mechanism
@@ -60,31 +60,27 @@ class DesignLoops(TreeLoops):
         """Return residuals, Jacobians and links about n sets of coordinates, as `TreeLoops`."""
         return self.at_instants(len(q)).linearise(q, poses)
 
-    def sparse(self, q: Coordinates) -> "tuple[Array, SparseMatrices, LinkPoses]":
+    def sparse(
+        self, q: Coordinates, poses: LinkPoses | None = None
+    ) -> "tuple[Array, SparseMatrices, LinkPoses]":
         """Return residuals, Jacobians and links as `linearise`."""
-        return self.at_instants(len(q)).sparse(q)
+        return self.at_instants(len(q)).sparse(q, poses)
 
     def at_instants(self, count: int, /) -> TreeLoops:
         """Return the equations with the dimensions of each of `count` instants."""
-        if count not in self._kept:
-            if len(self._kept) == MAX_KEPT:
-                self._kept.clear()
-            self._kept[count] = self._repeated(count // len(self.which))
-        return self._kept[count]
+        return self._repeated(count // len(self.which))
 
     @cached_property
-    def _kept(self) -> dict[int, TreeLoops]:
-        return {}
+    def _repeated(self) -> Callable[[int], TreeLoops]:
+        """Number of repetitions -> equations of all designs in order, repeated."""
 
-    def _repeated(self, repeat: int) -> TreeLoops:
-        """Return the equations of all designs in order, repeated."""
-        return with_sides(
-            self,
-            {
-                name: (np.tile(a, repeat), np.tile(b, repeat), np.tile(c, repeat), np.tile(d, repeat))
-                for name, (a, b, c, d) in self.arrays.ends.items()
-            },
-        )
+        def repeated(times: int) -> TreeLoops:
+            sides: dict[str, Ends] = {}
+            for name, (a, b, c, d) in self.arrays.ends.items():
+                sides[name] = np.tile(a, times), np.tile(b, times), np.tile(c, times), np.tile(d, times)
+            return with_sides(self, sides)
+
+        return lru_cache(MAX_KEPT)(repeated)
 
 
 def closed_designs(
@@ -262,9 +258,9 @@ def shared_loops(
     loops = solver.loops
     if not len(loops.unknown) or loops.tree.mechanism is not mechanism:
         return None
-    for name in joints:
-        if loops.tree.index_of.get(name) is None and not KINDS[mechanism.joint(name).kind].hinge:
-            return None
+    closing = (mechanism.joint(name) for name in joints if name not in loops.tree.index_of)
+    if not all(KINDS[joint.kind].hinge for joint in closing):
+        return None
     initial = float(solver.reference.values[loops.driven[0], 0]) if motion_laws.crank else 0.0
     return SharedLoops(solver, motion_laws, initial)
 
@@ -366,14 +362,12 @@ def design_record(
     }
     coordinates: dict[str, JointMotion] = {}
     for name in joints:
-        index = tree.index_of.get(name)
-        if index is None:
-            # the motion of a hinge that closes a loop
-            joint = mechanism.joint(name)
-            _, frame_a, _, frame_b = arrays.ends[joint.name]
-            sides = np.repeat(frame_a, repeat, -1), np.repeat(frame_b, repeat, -1)
-            coordinates |= joint_motions(joint, links, sides)
-        else:
-            value, rate, second = (table[:, index] for table in (motion.values, motion.rates, motion.second))
-            coordinates[name] = JointMotion(value, rate, second, "m" if tree.slides[index] else "rad")
+        if (index := tree.index_of.get(name)) is not None:
+            tables = motion.values[:, index], motion.rates[:, index], motion.second[:, index]
+            coordinates[name] = JointMotion(*tables, "m" if tree.slides[index] else "rad")
+            continue
+        # the motion of a hinge that closes a loop
+        _, frame_a, _, frame_b = arrays.ends[name]
+        sides = np.repeat(frame_a, repeat, -1), np.repeat(frame_b, repeat, -1)
+        coordinates |= joint_motions(mechanism.joint(name), links, sides)
     return Motion("loop equations", angle, speed, acceleration, points, links, coordinates)

@@ -91,10 +91,9 @@ class Stack:
     def coincide(self, a: Side, b: Side) -> None:
         """D = 0, three equations."""
         gap, bias = b.point - a.point, b.point_bias - a.point_bias
-        turn_a, turn_b = skew(a.arm), -skew(b.arm)
-        for i in range(3):
-            unit = np.eye(3)[i]
-            terms = [(a.slot, -unit, turn_a[:, i]), (b.slot, unit, turn_b[:, i])]
+        across_a, across_b = skew(a.arm), -skew(b.arm)
+        for i, unit in enumerate(np.eye(3)):
+            terms = [(a.slot, -unit, across_a[:, i]), (b.slot, unit, across_b[:, i])]
             self._add(gap[:, i], bias[:, i], terms)
 
     def angle_between(self, a: Side, i: int, b: Side, j: int, cosine: float) -> None:
@@ -188,10 +187,8 @@ def add_joint_equations(stack: Stack, joint: Joint, a: Side, b: Side) -> None:
     if not kind.slides:
         stack.coincide(a, b)
     else:
-        free = [COLUMN[axis] for axis in kind.slides]
-        for i in range(3):
-            if i not in free:
-                stack.no_gap_along(a, i, b)
+        for i in {0, 1, 2} - {COLUMN[axis] for axis in kind.slides}:
+            stack.no_gap_along(a, i, b)
     if kind.crossed:
         stack.angle_between(a, 2, b, 2, np.cos(joint.cross_angle))
     elif kind.aligned:
@@ -199,12 +196,6 @@ def add_joint_equations(stack: Stack, joint: Joint, a: Side, b: Side) -> None:
         stack.angle_between(a, 1, b, 2, 0.0)
         if not kind.turns:
             stack.angle_between(a, 0, b, 1, 0.0)
-
-
-def is_length(joint: Joint) -> list[bool]:
-    """Return for each equation of a joint whether its residual is a length."""
-    kind = KINDS[joint.kind]
-    return [True] * kind.forces + [False] * kind.moments
 
 
 Poses = Mapping[str, Pose]
@@ -234,35 +225,42 @@ def equations(
     """
     slots = {link.name: i for i, link in enumerate(mechanism.links)}
     n = next(iter(poses.values())).position.shape[0]
-    at_rest = np.zeros((n, 6))
+    at_rest, stack = np.zeros((n, 6)), Stack(len(slots), n)
     ground = Pose(np.zeros((n, 3)), np.broadcast_to(np.eye(3), (n, 3, 3)))
-
-    def side(joint: Joint, which: str) -> Side:
-        end = getattr(joint, which)
-        if end.link == GROUND:
-            return Side(ground, at_rest, end.point, end.frame, None)
-        twist = at_rest if twists is None else twists[end.link]
-        return Side(poses[end.link], twist, end.point, end.frame, slots[end.link])
-
-    def pose(link: str) -> Pose:
-        return ground if link == GROUND else poses[link]
-
-    stack = Stack(len(slots), n)
+    placed = {GROUND: ground, **poses}
+    moving = {GROUND: at_rest, **(dict.fromkeys(poses, at_rest) if twists is None else twists)}
+    sides = {
+        joint.name: [
+            Side(placed[end.link], moving[end.link], end.point, end.frame, slots.get(end.link))
+            for end in (joint.a, joint.b)
+        ]
+        for joint in mechanism.joints
+    }
     for joint in mechanism.joints:
-        add_joint_equations(stack, joint, side(joint, "a"), side(joint, "b"))
+        add_joint_equations(stack, joint, *sides[joint.name])
     joint_of = {name: (joint, i) for joint in mechanism.joints for i, name in enumerate(joint.coordinates)}
 
     def value(name: str) -> Array:
         joint, i = joint_of[name]
-        return joint_coordinate(joint, pose(joint.a.link), pose(joint.b.link))[..., i]
+        return joint_coordinate(joint, placed[joint.a.link], placed[joint.b.link])[..., i]
 
     def motion(name: str) -> CoordinateMotion:
         joint, i = joint_of[name]
-        return coordinate_motion(joint, i, side(joint, "a"), side(joint, "b"))
+        return coordinate_motion(joint, i, *sides[joint.name])
 
     prescribed = _prescribed(mechanism, angle)
+
+    def multi_turn_value(name: str) -> Array:
+        """Return the value of a driver or of the guess with its revolutions, for any ratio."""
+        current, target = value(name), prescribed.get(name)
+        if target is None and name not in mechanism.drivers:
+            target = mechanism.guess_coordinates.get(name)
+        if target is None or mechanism.unit(name) == "m":
+            return current
+        return np.asarray(target) + wrapped(current - np.asarray(target))
+
     for law in mechanism.laws:
-        _add_law(stack, mechanism, law, value, motion, prescribed)
+        _add_law(stack, mechanism, law, multi_turn_value, motion)
     for name, target in (*mechanism.locked.items(), *prescribed.items()):
         gap = np.zeros(n) if target is None else value(name) - np.asarray(target)
         stack.weighted(
@@ -286,24 +284,17 @@ def _add_law(
     law: Coupling,
     value: Callable[[str], Array],
     motion: Callable[[str], CoordinateMotion],
-    prescribed: Mapping[str, ArrayLike | None],
 ) -> None:
-    """Add the equation of a coupling."""
+    """Add the equation of a coupling, left - zeros[0] - p(right - zeros[1]) = 0.
 
-    def multi_turn_value(name: str) -> Array:
-        """Return the value of a driver or of the guess with its revolutions, for any ratio."""
-        current, target = value(name), prescribed.get(name)
-        if target is None and name not in mechanism.drivers:
-            target = mechanism.guess_coordinates.get(name)
-        if target is None or mechanism.unit(name) == "m":
-            return current
-        return np.asarray(target) + wrapped(current - np.asarray(target))
-
-    def total(terms: Mapping[str, float]) -> Array:
-        return sum((weight * multi_turn_value(name) for name, weight in terms.items()), np.zeros(stack.n))
-
-    current, derivative, second_derivative = law.polynomial(total(law.right_terms))
-    residual = total(law.left_terms) - law.zeros[0] - current
+    Its velocity-product term is -p'' times the square of the rate of the right side.
+    """
+    left, right = (
+        sum((weight * value(name) for name, weight in terms.items()), np.zeros(stack.n))
+        for terms in (law.left_terms, law.right_terms)
+    )
+    current, derivative, second_derivative = law.polynomial(right)
+    residual = left - law.zeros[0] - current
     angular = all(mechanism.unit(name) == "rad" for name in law.left_terms)
     left_terms = [(np.full(stack.n, weight), motion(name)) for name, weight in law.left_terms.items()]
     right_terms = [(-weight * derivative, motion(name)) for name, weight in law.right_terms.items()]
@@ -315,12 +306,11 @@ def _add_law(
 
 def length_rows(mechanism: Mechanism, count: int) -> NDArray[np.bool_]:
     """Return for the first `count` equations of a mechanism whether their residual is a length, (count,)."""
-    is_length_row = [length for joint in mechanism.joints for length in is_length(joint)]
+    kinds = [KINDS[joint.kind] for joint in mechanism.joints]
+    of_joints = [length for kind in kinds for length in [True] * kind.forces + [False] * kind.moments]
     firsts = [next(iter(law.left_terms)) for law in mechanism.laws]
     named = (*firsts, *mechanism.locked, *mechanism.drivers)
-    return np.array(
-        [*is_length_row, *(mechanism.unit(name) == "m" for name in named)][:count], dtype=np.bool_
-    )
+    return np.array([*of_joints, *(mechanism.unit(name) == "m" for name in named)][:count], dtype=np.bool_)
 
 
 def row_units(mechanism: Mechanism, count: int) -> Array:

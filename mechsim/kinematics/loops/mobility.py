@@ -121,13 +121,13 @@ def require_no_redundant_drivers(solver: TreeSolver) -> None:
     (q,) = generic_poses(loops, start, 1, RANK_TOLERANCE)
     if _redundant(loops, q):
         q = _least_redundant(loops, q, start)
-    if not np.abs(loops.linearise(q)[0]).max(initial=0.0) < CLOSED:
+    residual, jacobian, _ = loops.linearise(q)
+    if not np.abs(residual).max(initial=0.0) < CLOSED:
         return
     mechanism = loops.tree.mechanism
-    jacobian = loops.linearise(q)[1][..., 0]
     names = (*mechanism.drivers, *mechanism.locked)
-    independent, redundant = independent_coordinates(loops, names, null_space(jacobian))
-    nearly_free = null_space(jacobian, DIMENSION_TOLERANCE, DIMENSION_TOLERANCE)
+    independent, redundant = independent_coordinates(loops, names, null_space(jacobian[..., 0]))
+    nearly_free = null_space(jacobian[..., 0], DIMENSION_TOLERANCE, DIMENSION_TOLERANCE)
     locked = [name for name in redundant if name in independent_coordinates(loops, names, nearly_free)[0]]
     if locked:
         raise MobilityError(

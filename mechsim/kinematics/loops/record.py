@@ -30,14 +30,12 @@ def with_all_joints(mechanism: Mechanism, motion: Motion) -> Motion:
     links, joints = {GROUND, *motion.links}, dict[str, JointMotion]()
     for joint in mechanism.joints:
         reported = {name: motion.joints[name] for name in joint.coordinates if name in motion.joints}
-        if len(reported) < len(joint.coordinates) and {joint.a.link, joint.b.link} <= links:
+        if len(reported) < len(joint.coordinates) and {*joint.links} <= links:
             for name, coordinate in joint_motions(joint, motion.links).items():
-                value = (
-                    _with_revolutions(coordinate.value, coordinate.rate, motion.time)
-                    if coordinate.unit == "rad"
-                    else coordinate.value
-                )
-                joints[name] = replace(coordinate, value=value)
+                if coordinate.unit == "rad":
+                    value = _with_revolutions(coordinate.value, coordinate.rate, motion.time)
+                    coordinate = replace(coordinate, value=value)
+                joints[name] = coordinate
         joints |= reported
     return replace(motion, joints=joints | {k: v for k, v in motion.joints.items() if k not in joints})
 

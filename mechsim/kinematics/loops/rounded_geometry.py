@@ -22,7 +22,6 @@ from mechsim.kinematics.loops.mobility import (
     generic_poses,
     nearest_consistent,
 )
-from mechsim.kinematics.loops.tree import TreeJoint
 from mechsim.kinematics.vector_method.rotations import turned_by
 from mechsim.mechanism.finding import HARMLESS, Finding
 from mechsim.mechanism.joint_kinds import KINDS
@@ -122,10 +121,11 @@ def corrected(mechanism: Mechanism, most: float = MAX_CORRECTION) -> Corrected:
     offsets = _offsets(exact, MAX_ANGLE, ANGLE_TOLERANCE, closing)
     if offsets is None:
         offsets = _offsets(exact, MAX_ANGLE, ANGLE_TOLERANCE)
-    moving = exact if offsets is None else with_moved_sides(exact, offsets)
+    if offsets is None:
+        offsets = np.zeros_like(change)
+    moving, exactly = with_moved_sides(exact, offsets), change + offsets
     if _is_locked(moving):
         return _with_consistent_dimensions(mechanism, most)
-    exactly = change if offsets is None else change + offsets
     changes = tuple(
         (joint.name, "ab"[side], vector(exactly[i, side, :3] * mechanism.characteristic_length), rotation)
         for i, joint in enumerate(mechanism.joints)
@@ -312,9 +312,9 @@ def _is_exact(loops: TreeLoops, q: Coordinates) -> bool:
     residual, jacobian, _ = loops.linearise(q)
     if not np.abs(residual).max() <= ROUNDING:
         return False
-    basis, groups = np.zeros((0, loops.count)), [(len(cut.lengths), cut.rows) for cut in loops.cuts]
-    first = 0
-    for lengths, rows in [*groups, *[(1, 1)] * len(loops.couplings)]:
+    basis, first = np.zeros((0, loops.count)), 0
+    groups = [(len(cut.lengths), cut.rows) for cut in loops.cuts] + [(1, 1)] * len(loops.couplings)
+    for lengths, rows in groups:
         block = jacobian[first : first + rows, :, 0]
         norms, first = np.linalg.norm(block, axis=1), first + rows
         longest = np.repeat(
@@ -334,14 +334,8 @@ def _is_exact(loops: TreeLoops, q: Coordinates) -> bool:
 
 def _affected_joints(loops: TreeLoops, poses: Sequence[Coordinates], tolerance: float) -> set[str]:
     """Return the joints of inconsistent loops, and of all loops that share a joint with them."""
-    tree = loops.tree
-    around = [
-        {
-            cut.joint.name,
-            *(branch.joint.name for branch in tree.branches if {*_columns(branch)} & {*cut.columns.tolist()}),
-        }
-        for cut in loops.cuts
-    ]
+    joint_of = [branch.joint.name for branch in loops.tree.branches for _ in range(branch.kind.dof)]
+    around = [{cut.joint.name, *(joint_of[i] for i in cut.columns)} for cut in loops.cuts]
     loop_of = np.repeat(np.arange(len(loops.cuts)), [cut.rows for cut in loops.cuts])
     affected: set[str] = set()
     for q in poses:
@@ -360,10 +354,6 @@ def _affected_joints(loops: TreeLoops, poses: Sequence[Coordinates], tolerance: 
     return affected
 
 
-def _columns(branch: TreeJoint) -> range:
-    return range(branch.first, branch.first + branch.kind.dof)
-
-
 def _jacobians(mechanism: Mechanism, loops: TreeLoops, q: Coordinates, concerned: set[str]) -> Array:
     """Return derivatives of residuals by shifts and rotations of joint sides, (rows, poses, joints, 2, 6).
 
@@ -378,10 +368,8 @@ def _jacobians(mechanism: Mechanism, loops: TreeLoops, q: Coordinates, concerned
         # rotations of the sides of a ball do not enter its equations
         entering = 3 if kind.ball else 6
         steps = STEP * np.eye(12).reshape(2, 6, 2, 6)[:, :entering].reshape(-1, 2, 6)
-        a, b = (
-            _changed_side(end, steps[:, side].repeat(len(q), 0), length)
-            for side, end in enumerate((joints[name].a, joints[name].b))
-        )
+        repeated, joint = steps.repeat(len(q), 0), joints[name]
+        a, b = _changed_side(joint.a, repeated[:, 0], length), _changed_side(joint.b, repeated[:, 1], length)
         changed = with_sides(loops, {name: (*a, *b)})
         perturbed = changed.linearise(q.repeated(len(steps)))[0].reshape(len(residual), len(steps), len(q))
         derivatives = ((perturbed - residual[:, None]) / STEP).swapaxes(1, 2)
@@ -404,16 +392,15 @@ def _loops_and_guess(mechanism: Mechanism) -> tuple[TreeLoops, Coordinates]:
 def with_moved_sides(mechanism: Mechanism, change: Array) -> Mechanism:
     """Return a mechanism with joint sides shifted, in characteristic lengths, and rotated, in [rad]."""
     length = mechanism.characteristic_length
-    joints = tuple(
-        replace(joint, a=_moved(joint.a, sides[0], length), b=_moved(joint.b, sides[1], length))
-        for joint, sides in zip(mechanism.joints, change, strict=True)
+    joints = (
+        replace(joint, a=_moved(joint.a, a, length), b=_moved(joint.b, b, length))
+        for joint, (a, b) in zip(mechanism.joints, change, strict=True)
     )
-    return replace(mechanism, joints=joints)
+    return replace(mechanism, joints=tuple(joints))
 
 
 def _moved(end: End, change: Array, length: float) -> End:
     if not change.any():
         return end
-    rotated = turned_by(end.frame[None], change[None, 3:])[0]
-    point = np.array(end.point) + length * change[:3]
-    return End(end.link, vector(point), vector(rotated[:, 2]), vector(rotated[:, 0]))
+    point, frame = (array[..., 0] for array in _changed_side(end, change[None], length))
+    return End(end.link, vector(point), vector(frame[:, 2]), vector(frame[:, 0]))

@@ -167,7 +167,7 @@ def random_poses(
     values[kept] = reference.values[kept]
     quaternions = draw.normal(size=(len(tree.balls), 4, count))
     # rotation matrices, (balls, 3, 3, n), of quaternions (balls, 4, n) of any length
-    unit = quaternions / np.sqrt((quaternions**2).sum(1, keepdims=True)) if quaternions.size else quaternions
+    unit = quaternions / np.sqrt((quaternions**2).sum(1, keepdims=True))
     initial = Coordinates(values, from_quaternion(*unit.transpose(1, 0, 2)).transpose(2, 0, 1, 3))
     width = tree.count + 1 if len(loops.unknown) < MIN_UNKNOWNS else PRODUCTS
     chunk_size = max(1, int(CHUNK_BYTES / (8 * (loops.rows + tree.count + 1) * width)))
