@@ -1,6 +1,5 @@
 """A dynamic model as an FMU: efforts on joints are inputs; coordinates, points and energies are outputs."""
 
-import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -10,7 +9,7 @@ from mechsim.codegen.fmu import FmuModel, Variable
 from mechsim.codegen.fmu_kinematics import gravity_parameters
 from mechsim.codegen.solver_code import template
 from mechsim.errors import InputError
-from mechsim.kinetics.compiled_model import COUNTS, TABLES, CompiledModel, c_sources, library
+from mechsim.kinetics.compiled_model import CompiledModel, c_sources, library, members_of
 from mechsim.kinetics.compiled_motion import collocation_rule
 from mechsim.kinetics.dynamic_run import TOLERANCE, Initial, initial_values, require_regular
 from mechsim.kinetics.equations_of_motion import EquationsOfMotion, equations_of_motion
@@ -67,13 +66,9 @@ def dynamic_fmu(model: DynamicModel, initial: Mapping[str, Initial], duration: f
         "NEAREST": run.nearest_pivot(),
         "DURATION": duration,
     }
-    sources = c_sources()
-    # table of the model in C -> type of its entries
-    declared = re.findall(r"const (\w+) (\*\w+(?:, \*\w+)*);", sources)
-    types = {name.strip(" *"): kind for kind, names in declared for name in names.split(",")}
     lines = [
-        sources,
-        *_tables(tables, types, compiled, len(inputs)),
+        c_sources(),
+        *_tables(tables, compiled, len(inputs)),
         "enum { " + ", ".join(f"{key} = {value}" for key, value in integers.items()) + " };",
         *(f"#define {key} {_number(value)}" for key, value in reals.items()),
         _array("size_t", "PLACES", [f"offsetof(Tables, {where})" for where in members]),
@@ -263,14 +258,16 @@ def _array(kind: str, name: str, values: Any, more: str = "") -> str:
 
 
 def _tables(
-    tables: Mapping[str, np.ndarray[Any, Any]], types: Mapping[str, str], compiled: CompiledModel, inputs: int
+    tables: Mapping[str, np.ndarray[Any, Any]], compiled: CompiledModel, inputs: int
 ) -> Iterator[str]:
     """Yield the tables of a model, with the numbers that inputs and parameters replace, and their use."""
-    data = compiled.data
-    counts = {name: getattr(data, name) for name in COUNTS} | {"controllers": data.controllers + inputs}
+    data, fields = compiled.data, members_of("Model")
+    counts = {name: getattr(data, name) for name, kind, _ in fields if kind == "int"}
+    counts["controllers"] += inputs
+    types = {name[1:]: kind for name, kind, _ in fields if name[0] == "*"}
     flat = {
-        name: tables[name].ravel() if types[name] == "double" else tables[name]
-        for name in TABLES
+        name: tables[name].ravel() if kind == "double" else tables[name]
+        for name, kind in types.items()
         if tables[name].size
     }
     yield "/* the data of the model */\ntypedef struct {"
@@ -284,7 +281,7 @@ def _tables(
     yield f"    .torque = {_number(data.torque)},\n    .torque_slope = {_number(data.torque_slope)}}};\n"
     yield "static void connect(Model *model, const Tables *tables) {"
     yield from (f"    model->{name} = {count};" for name, count in counts.items())
-    for name in TABLES:
+    for name in types:
         yield f"    model->{name} = {f'tables->{name}' if name in flat else 'NULL'};"
     yield "    memcpy(model->gravity, tables->gravity, sizeof tables->gravity);"
     yield "    model->torque = tables->torque, model->torque_slope = tables->torque_slope;\n}\n"

@@ -5,6 +5,7 @@ A model with an element that is not listed here has no such data.
 """
 
 import ctypes
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from functools import cache, lru_cache
@@ -40,118 +41,58 @@ FORCES = {
     *("crank_torque", "flywheel", "motor", "controllers", "actuators", "armature", "clearances"),
 }
 
-_INT, _REAL = "i4", "f8"
-SIDE = np.dtype([("link", _INT), ("point", _REAL, 3), ("frame", _REAL, 9)], align=True)
-BRANCH = np.dtype(
-    [
-        *(
-            (name, _INT)
-            for name in ("parent", "child", "before", "forward", "slides", "turns", "ball", "first")
-        ),
-        ("parent_frame", _REAL, 9),
-        ("parent_point", _REAL, 3),
-        ("child_frame", _REAL, 9),
-        ("child_point", _REAL, 3),
-        ("rotation", _REAL, (2, 27)),
-    ],
-    align=True,
-)
-COORDINATE = np.dtype(
-    [
-        *((name, _INT) for name in ("link", "carrier", "slide", "centred", "centre_link", "column")),
-        ("axis", _REAL, 3),
-        ("centre", _REAL, 3),
-        ("unit", _REAL),
-    ],
-    align=True,
-)
-CUT = np.dtype(
-    [
-        ("a", SIDE),
-        ("b", SIDE),
-        *((name, _INT) for name in ("rows", "first_column", "columns")),
-        ("of_a", _INT, 6),
-        ("of_b", _INT, 6),
-        ("unit", _REAL, 6),
-        ("target", _REAL, 6),
-        ("rod", _REAL),
-    ],
-    align=True,
-)
-MOVED = np.dtype([("coordinate", _INT), ("sign", _REAL)], align=True)
-COUPLING = np.dtype(
-    [
-        ("left_zero", _REAL),
-        ("right_zero", _REAL),
-        ("coefficients", _REAL, 5),
-        ("unit", _REAL),
-        ("offset", _REAL),
-        ("function", EXPRESSION),
-    ],
-    align=True,
-)
-INERTIA = np.dtype([("mass", _REAL), ("centre", _REAL, 3), ("moments", _REAL, 9)], align=True)
-LINE = np.dtype([("link_a", _INT), ("link_b", _INT), ("a", _REAL, 3), ("b", _REAL, 3)], align=True)
-SPRING = np.dtype([("line", LINE), *((name, _REAL) for name in ("stiffness", "rest", "damping"))], align=True)
-PULL = np.dtype([("acts", _INT), ("line", LINE), ("ratio", _REAL)], align=True)
-RESISTANCE = np.dtype(
-    [
-        ("a", SIDE),
-        ("b", SIDE),
-        *((name, _INT) for name in ("motion", "column", "friction", "hinge", "loaded", "branch", "cut")),
-        *((name, _REAL) for name in ("stiffness", "rest", "viscous", "coulomb", "at_rest", "stribeck")),
-        ("load", _REAL, 4),
-    ],
-    align=True,
-)
+# `motion` of a resistance
 SLIDE, ROTATION, BALL, FIRST_AXIS = range(4)
-NONLINEAR_SPRING = np.dtype(
-    [
-        ("line", LINE),
-        *((name, _INT) for name in ("coordinate", "table", "over_rate")),
-        *((name, _REAL) for name in ("rest", "stiffness", "damping", "preload", "exponent", "hysteresis")),
-        ("expression", EXPRESSION),
-    ],
-    align=True,
-)
-BUSHING = np.dtype(
-    [("a", SIDE), ("b", SIDE), ("stiffness", _REAL, (6, 6)), ("damping", _REAL, (6, 6))], align=True
-)
-PRESCRIBED = np.dtype([("coordinate", _INT), ("law", EXPRESSION)], align=True)
-LOAD = np.dtype(
-    [
-        ("link", _INT),
-        ("varying", _INT),
-        ("point", _REAL, 3),
-        ("wrench", _REAL, 6),
-        ("expressions", EXPRESSION, 6),
-    ],
-    align=True,
-)
-COUNTS = (
-    *("links", "count", "free", "balls", "cuts", "couplings"),
-    *("rows", "springs", "resistances", "loads", "crank"),
-    *("controllers", "actuators", "states", "rotating", "nonlinear_springs", "loaded", "tabled", "driven"),
-    "bushings",
-)
-TABLES = (
-    *("branches", "coordinates", "cut", "moved", "coupling", "weights"),
-    *("inertias", "spring", "resistance", "load"),
-    *("instruction", "controller", "prescribed", "actuator", "gear", "pull", "rotors"),
-    *("nonlinear_spring", "tables"),
-    "bushing",
-)
+# types of numbers in C -> those of numpy and ctypes
+_NUMBERS: dict[str, tuple[str, Any]] = {"int": ("i4", ctypes.c_int), "double": ("f8", ctypes.c_double)}
+
+
+@cache
+def c_sources() -> str:
+    """Return the C code that evaluates and integrates equations of motion."""
+    folder = Path(__file__).parent / "c"
+    names = "equations.c", "integration.c"
+    return c_source() + "".join((folder / name).read_text(encoding="utf-8") for name in names)
+
+
+@cache
+def members_of(structure: str) -> tuple[tuple[str, str, tuple[int, ...]], ...]:
+    """Return name, type and shape of each member of a structure in the C code; names of pointers have a *."""
+    declared = re.search(rf"typedef struct \{{([^}}]*)\}} {structure};", c_sources())
+    assert declared is not None
+    declarations = re.sub(r"/\*.*?\*/|\bconst\b", "", declared[1], flags=re.DOTALL).split(";")[:-1]
+    result: list[tuple[str, str, tuple[int, ...]]] = []
+    for kind, names in (declaration.split(maxsplit=1) for declaration in declarations):
+        for name, sizes in re.findall(r"(\*?\w+)((?:\[\d+\])*)", names):
+            result.append((name, kind, tuple(map(int, re.findall(r"\d+", sizes)))))
+    return tuple(result)
+
+
+@cache
+def record(structure: str) -> np.dtype[Any]:
+    """Return a structure of the C code, without pointers, as a type of numpy."""
+    return np.dtype(
+        [
+            (name, _NUMBERS[kind][0] if kind in _NUMBERS else record(kind), shape)
+            for name, kind, shape in members_of(structure)
+        ],
+        align=True,
+    )
+
+
+def c_fields(structure: str) -> list[tuple[str, Any]]:
+    """Return the members of a structure of numbers, vectors and pointers for ctypes."""
+    fields = list[tuple[str, Any]]()
+    for name, kind, shape in members_of(structure):
+        number = ctypes.c_void_p if name[0] == "*" else _NUMBERS[kind][1]
+        fields.append((name.strip("*"), number * shape[0] if shape else number))
+    return fields
 
 
 class ModelData(ctypes.Structure):
     """`Model` of `c/equations.c`."""
 
-    _fields_ = [
-        *((name, ctypes.c_int) for name in COUNTS),
-        *((name, ctypes.c_void_p) for name in TABLES),
-        ("gravity", ctypes.c_double * 3),
-        *((name, ctypes.c_double) for name in ("torque", "torque_slope")),
-    ]
+    _fields_ = c_fields("Model")
 
 
 @dataclass
@@ -169,14 +110,6 @@ class CompiledModel:
     tables: dict[str, np.ndarray[Any, Any]]
     library: ctypes.CDLL
     agreed: bool = False
-
-
-@cache
-def c_sources() -> str:
-    """Return the C code that evaluates and integrates equations of motion."""
-    folder = Path(__file__).parent / "c"
-    names = "equations.c", "integration.c"
-    return c_source() + "".join((folder / name).read_text(encoding="utf-8") for name in names)
 
 
 def library() -> ctypes.CDLL:
@@ -207,7 +140,7 @@ def compiled_model(equations: EquationsOfMotion) -> CompiledModel:
         "branches": _branches(equations),
         "coordinates": _coordinates(equations),
         "cut": _cuts(loops.cuts),
-        "moved": np.concatenate([np.empty(0, MOVED), *moved]),
+        "moved": np.concatenate([np.empty(0, record("Moved")), *moved]),
         "coupling": _couplings(equations, added),
         "weights": np.array([[row.left_weights, row.right_weights] for row in loops.couplings], dtype=float),
         "inertias": _inertias(equations),
@@ -225,27 +158,27 @@ def compiled_model(equations: EquationsOfMotion) -> CompiledModel:
         "tables": np.array(added.numbers),
         "rotors": np.ascontiguousarray(equations.rotors),
     }
-    numbers = (
-        len(tables["branches"]),
-        loops.tree.count,
-        len(free),
-        len(loops.tree.balls),
-        len(loops.cuts),
-        len(loops.couplings),
-        loops.rows + len(equations.prescribed),
-        *(len(tables[name]) for name in ("spring", "resistance", "load")),
-        -1 if equations.crank is None else equations.crank,
-        *(len(tables[name]) for name in ("controller", "actuator")),
-        sum(actuator.inflow is not None for actuator in forces.actuators),
-        int(tables["rotors"].any()),
-        len(tables["nonlinear_spring"]),
-        int(resistances["loaded"].sum()),
-        int(bool(added.numbers)),
-        len(equations.prescribed),
-        len(tables["bushing"]),
-    )
     data = ModelData(
-        **dict(zip(COUNTS, numbers, strict=True)),
+        links=len(tables["branches"]),
+        count=loops.tree.count,
+        free=len(free),
+        balls=len(loops.tree.balls),
+        cuts=len(loops.cuts),
+        couplings=len(loops.couplings),
+        rows=loops.rows + len(equations.prescribed),
+        springs=len(tables["spring"]),
+        resistances=len(resistances),
+        loads=len(tables["load"]),
+        crank=-1 if equations.crank is None else equations.crank,
+        controllers=len(tables["controller"]),
+        actuators=len(tables["actuator"]),
+        states=sum(actuator.inflow is not None for actuator in forces.actuators),
+        rotating=int(tables["rotors"].any()),
+        nonlinear_springs=len(tables["nonlinear_spring"]),
+        loaded=int(resistances["loaded"].sum()),
+        tabled=int(bool(added.numbers)),
+        driven=len(equations.prescribed),
+        bushings=len(tables["bushing"]),
         **{name: table.ctypes.data for name, table in tables.items()},
         gravity=(ctypes.c_double * 3)(*forces.gravity),
         torque=torque,
@@ -281,12 +214,12 @@ def _crank_torque(equations: EquationsOfMotion) -> tuple[float, float]:
     return load + float(torques[0]), 0.0 if forces.motor is None else float(forces.motor.derivative)
 
 
-def _filled(dtype: np.dtype[Any], rows: Sequence[dict[str, Any]]) -> np.ndarray[Any, Any]:
+def _filled(structure: str, rows: Sequence[dict[str, Any]]) -> np.ndarray[Any, Any]:
     """Return a table of records."""
-    table = np.zeros(len(rows), dtype)
-    for record, row in zip(table, rows, strict=True):
+    table = np.zeros(len(rows), record(structure))
+    for entry, row in zip(table, rows, strict=True):
         for name, value in row.items():
-            record[name] = value
+            entry[name] = value
     return table
 
 
@@ -313,7 +246,7 @@ def _branches(equations: EquationsOfMotion) -> np.ndarray[Any, Any]:
             "rotation": rotation,
         }
         rows.append(row)
-    return _filled(BRANCH, rows)
+    return _filled("Branch", rows)
 
 
 def _coordinates(equations: EquationsOfMotion) -> np.ndarray[Any, Any]:
@@ -339,7 +272,7 @@ def _coordinates(equations: EquationsOfMotion) -> np.ndarray[Any, Any]:
                 "unit": tree.units[k],
             }
             rows.append(row)
-    return _filled(COORDINATE, rows)
+    return _filled("Coordinate", rows)
 
 
 def _side(link: int, end: End) -> tuple[int, Vector, Array]:
@@ -348,7 +281,7 @@ def _side(link: int, end: End) -> tuple[int, Vector, Array]:
 
 def _moved(cut: Cut) -> np.ndarray[Any, Any]:
     rows = [{"coordinate": k, "sign": np.sign(gain)} for k, gain in zip(cut.columns, cut.gains, strict=True)]
-    return _filled(MOVED, rows)
+    return _filled("Moved", rows)
 
 
 def _cuts(cuts: Sequence[Cut]) -> np.ndarray[Any, Any]:
@@ -371,7 +304,7 @@ def _cuts(cuts: Sequence[Cut]) -> np.ndarray[Any, Any]:
             row |= {"rod": cut.joint.length, "of_b": -1, "unit": 1.0 / cut.length}
         first += len(cut.columns)
         rows.append(row)
-    return _filled(CUT, rows)
+    return _filled("Cut", rows)
 
 
 def _couplings(equations: EquationsOfMotion, added: Instructions) -> np.ndarray[Any, Any]:
@@ -393,11 +326,11 @@ def _couplings(equations: EquationsOfMotion, added: Instructions) -> np.ndarray[
         }
         for row, offset in zip(loops.couplings, loops.turn_offsets, strict=True)
     ]
-    return _filled(COUPLING, rows)
+    return _filled("Coupling", rows)
 
 
 def _inertias(equations: EquationsOfMotion) -> np.ndarray[Any, Any]:
-    table = np.zeros(len(equations.loops.tree.branches), INERTIA)
+    table = np.zeros(len(equations.loops.tree.branches), record("Inertia"))
     table["mass"][equations.links], table["centre"][equations.links], moments = equations.inertias
     table["moments"][equations.links] = moments.reshape(-1, 9)
     return table
@@ -418,7 +351,7 @@ def spring_table(equations: EquationsOfMotion) -> np.ndarray[Any, Any]:
     for spring in equations.model.forces.springs:
         constants = {name: getattr(spring, name) for name in ("stiffness", "rest", "damping")}
         rows.append({"line": _line(equations, (spring.a, spring.b)), **constants})
-    return _filled(SPRING, rows)
+    return _filled("Spring", rows)
 
 
 def _line(equations: EquationsOfMotion, ends: tuple[Location, Location]) -> tuple[int, int, Vector, Vector]:
@@ -440,15 +373,16 @@ def _nonlinear_springs(equations: EquationsOfMotion, added: Instructions) -> np.
         else:
             raise NotCompiledError(f"a spring in {spring.ends}, which is no coordinate of the tree")
         rows.append(row)
-    return _filled(NONLINEAR_SPRING, rows)
+    return _filled("NonlinearSpring", rows)
 
 
 def _bushings(equations: EquationsOfMotion) -> np.ndarray[Any, Any]:
     return _filled(
-        BUSHING,
+        "Bushing",
         [
-            {**_sides_of(equations, bushing), "stiffness": bushing.stiffness, "damping": bushing.damping}
-            for bushing in equations.model.forces.bushings
+            _sides_of(equations, each)
+            | {"stiffness": np.ravel(each.stiffness), "damping": np.ravel(each.damping)}
+            for each in equations.model.forces.bushings
         ],
     )
 
@@ -509,7 +443,7 @@ def _resistances(equations: EquationsOfMotion) -> np.ndarray[Any, Any]:
         rows.append(
             {**_sides_of(equations, joint), **row, "stiffness": spring.stiffness, "rest": spring.rest}
         )
-    return _filled(RESISTANCE, rows)
+    return _filled("Resistance", rows)
 
 
 def _loads(equations: EquationsOfMotion, added: Instructions) -> np.ndarray[Any, Any]:
@@ -528,7 +462,7 @@ def _loads(equations: EquationsOfMotion, added: Instructions) -> np.ndarray[Any,
             expressions[first : first + 3] = added.add_load(profile, _angle(equations))
             row["expressions"] = expressions
         rows.append(row)
-    return _filled(LOAD, rows)
+    return _filled("Load", rows)
 
 
 def _angle(equations: EquationsOfMotion) -> Variable:
@@ -563,7 +497,7 @@ def _prescribed(equations: EquationsOfMotion, added: Instructions) -> np.ndarray
             )
             for name, law in equations.prescribed.items()
         ],
-        PRESCRIBED,
+        record("Prescribed"),
     )
 
 
@@ -580,4 +514,4 @@ def _pulls(equations: EquationsOfMotion) -> np.ndarray[Any, Any]:
         {"acts": 1, "line": _line(equations, actuator.ends), "ratio": actuator.pull} if actuator.ends else {}
         for actuator in equations.model.forces.actuators
     ]
-    return _filled(PULL, rows)
+    return _filled("Pull", rows)

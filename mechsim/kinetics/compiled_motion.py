@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from mechsim.errors import FrictionError
-from mechsim.kinetics.compiled_model import CompiledModel, NotCompiledError
+from mechsim.kinetics.compiled_model import CompiledModel, NotCompiledError, c_fields
 from mechsim.kinetics.contacts import ContactMode, Contacts
 from mechsim.kinetics.initial_state import StateLayout, projected
 from mechsim.kinetics.right_hand_side import RightHandSide
@@ -24,22 +24,12 @@ Watched = tuple[int, float, float]
 NOTHING: Watched = (-1, 0.0, 0.0)
 # numbers of a step in C, of which the last four belong to the balance of energy
 STEP = 6
-_REALS = (
-    *("time", "end", "tolerance", "length", "longest", "nearest", "fastest"),
-    *("energy", "correction", "largest", "drift", "lower", "upper"),
-)
-_INTS = ("rank", "implicit", "resting", "max_steps", "steps", "evaluations", "status", "watched")
-_POINTERS = ("at_rest", "phase", "sliding", "scale", "origin", "rule", "state", "step", "dense")
 
 
 class RunData(ctypes.Structure):
     """`Run` of `c/integration.c`."""
 
-    _fields_ = [
-        *((name, ctypes.c_double) for name in _REALS),
-        *((name, ctypes.c_int) for name in _INTS),
-        *((name, ctypes.c_void_p) for name in _POINTERS),
-    ]
+    _fields_ = c_fields("Run")
 
 
 @dataclass(frozen=True, slots=True)

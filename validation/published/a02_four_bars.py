@@ -51,24 +51,19 @@ def chain(n: int) -> ms.Mechanism:
         joints.append(ms.Joint(f"C{i}", "revolute", ms.End(f"crank{i + 1}", end), ms.End(f"rod{i}", end)))
         guess[f"rod{i}"] = ms.Pose(np.array([float(i), 1.0, 0.0]), np.eye(3))
     points = {"B0": ("crank0", end), "last": (f"crank{n}", end)}
-    return ms.Mechanism(
-        f"{n} four-bars", tuple(links), tuple(joints), "A0", points, guess=guess, start=np.pi / 2.0
-    )
+    bodies = tuple(links), tuple(joints)
+    return ms.Mechanism(f"{n} four-bars", *bodies, "A0", points, guess=guess, start=np.pi / 2.0)
 
 
 def exact(n: int, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return crank angle and speed at increasing times, (k,) each."""
     inertia, torque = (n + 1) / 3.0 + n, ((n + 1) / 2.0 + n) * GRAVITY
-    solution = solve_ivp(
-        lambda _, y: [y[1], -torque / inertia * np.cos(y[0])],
-        (0.0, float(times[-1])),
-        [np.pi / 2.0, -1.0],
-        method="DOP853",
-        rtol=1e-13,
-        atol=1e-13,
-        t_eval=times,
-    )
-    return solution.y[0], solution.y[1]
+
+    def rates(_: float, y: np.ndarray) -> list[float]:
+        return [y[1], -torque / inertia * np.cos(y[0])]
+
+    start = [np.pi / 2.0, -1.0]
+    return tuple(solve_ivp(rates, (0.0, times[-1]), start, "DOP853", times, rtol=1e-13, atol=1e-13).y)
 
 
 def tip(angle: np.ndarray) -> np.ndarray:

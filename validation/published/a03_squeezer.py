@@ -34,7 +34,8 @@ XA, YA, XB, YB, XC, YC = -0.06934, -0.00227, -0.03635, 0.03273, 0.014, 0.072
 D, DA, E, EA, RR, RA = 0.028, 0.0115, 0.02, 0.01421, 0.007, 0.00092
 SS, SA, SB, SC, SD, TA, TB = 0.035, 0.01874, 0.01043, 0.018, 0.02, 0.02308, 0.00916
 U, UA, UB, ZF, ZT, FA = 0.04, 0.01228, 0.00449, 0.02, 0.04, 0.01421
-TORQUE = 0.033
+CENTRES = ((RA, 0), (-DA, 0), (SB, -SA), (0, EA - E), (TA, TB), (ZF - FA, 0), (-UB, -UA))
+TORQUE, STIFFNESS, REST = 0.033, 4530.0, 0.07785
 END = 0.03
 
 NAMES = ("beta", "Theta", "gamma", "phi", "delta", "Omega", "epsilon")
@@ -51,10 +52,9 @@ TABLE = Path(__file__).parents[1] / "external_data" / "andrews_squeezer.csv"
 
 
 def squeezer() -> ms.Mechanism:
-    centres = ((RA, 0), (-DA, 0), (SB, -SA), (0, EA - E), (TA, TB), (ZF - FA, 0), (-UB, -UA))
     links = tuple(
         ms.Link(f"K{i + 1}", inertia=Inertia(mass, (*map(float, centre), 0.0), np.diag([moment] * 3)))
-        for i, (mass, centre, moment) in enumerate(zip(MASSES, centres, INERTIAS, strict=True))
+        for i, (mass, centre, moment) in enumerate(zip(MASSES, CENTRES, INERTIAS, strict=True))
     )
     joints = (
         _hinge("beta", "ground", (0, 0), "K1", (0, 0)),
@@ -83,7 +83,7 @@ def squeezer() -> ms.Mechanism:
 
 
 def forces() -> Forces:
-    spring = Spring(("ground", (XC, YC, 0.0)), "D", 4530.0, 0.07785)
+    spring = Spring(("ground", (XC, YC, 0.0)), "D", STIFFNESS, REST)
     return Forces(springs=(spring,), motor=ConstantTorque(TORQUE))
 
 

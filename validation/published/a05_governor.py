@@ -19,7 +19,7 @@ from scipy.integrate import solve_ivp
 
 import mechsim as ms
 from mechsim.mechanism.forces import Forces, Spring
-from mechsim.mechanism.links import Inertia
+from mechsim.mechanism.links import Inertia, combine
 from mechsim.numerics.arrays import Array
 
 GRAVITY, DENSITY, SIDE, LENGTH, CUBE = 9.81, 3000.0, 0.01, 1.0, 0.1
@@ -38,7 +38,7 @@ def governor() -> ms.Mechanism:
     rod = Inertia(ROD, (0.5 * LENGTH, 0.0, 0.0), np.diag([ALONG, ACROSS, ACROSS]))
     # a point mass has no moments: a millionth of the rod's
     ball = Inertia(BALL, (LENGTH, 0.0, 0.0), np.diag([1e-12] * 3))
-    arm = _combined(rod, ball)
+    arm = combine([rod, ball])
     cube = SLIDER * CUBE**2 / 6.0
     links = (
         ms.Link("shaft", inertia=Inertia(ROD, (0.0, 0.0, 0.5), np.diag([ACROSS, ACROSS, ALONG]))),
@@ -54,34 +54,20 @@ def governor() -> ms.Mechanism:
     for name, side in (("right", 1.0), ("left", -1.0)):
         # the right arm rotates about -y, so that a positive angle is below the horizontal
         axis, outwards = (0.0, side, 0.0), (side, 0.0, 0.0)
-        joints.append(
-            ms.Joint(
-                name,
-                "revolute",
-                ms.End("shaft", (side * OFFSET, 0.0, LENGTH), axis, outwards),
-                ms.End(name, axis=(0.0, 1.0, 0.0), reference=(1.0, 0.0, 0.0)),
-            )
-        )
+        shaft = ms.End("shaft", (side * OFFSET, 0.0, LENGTH), axis, outwards)
+        arm_end = ms.End(name, axis=(0.0, 1.0, 0.0), reference=(1.0, 0.0, 0.0))
+        joints.append(ms.Joint(name, "revolute", shaft, arm_end))
         cos, sin = np.cos(ANGLE), np.sin(ANGLE)
         rotation = np.array([[side * cos, 0.0, side * sin], [0.0, side, 0.0], [-sin, 0.0, cos]])
         guess[name] = ms.Pose(np.array([side * OFFSET, 0.0, LENGTH]), rotation)
     return ms.Mechanism("governor", links, tuple(joints), driver=(), points={}, guess=guess)
 
 
-def _combined(rod: Inertia, ball: Inertia) -> Inertia:
-    from mechsim.mechanism.links import combine
-
-    return combine([rod, ball])
-
-
 def forces() -> Forces:
     """Return weight and the two spring-dampers."""
-    springs = tuple(
-        Spring(
-            ("slider", (side * OFFSET, 0.0, 0.0)), (name, (0.5 * LENGTH, 0.0, 0.0)), STIFFNESS, REST, DAMPING
-        )
-        for name, side in (("right", 1.0), ("left", -1.0))
-    )
+    middle, constants = (0.5 * LENGTH, 0.0, 0.0), (STIFFNESS, REST, DAMPING)
+    ends = {name: ("slider", (side * OFFSET, 0.0, 0.0)) for name, side in (("right", 1.0), ("left", -1.0))}
+    springs = tuple(Spring(end, (name, middle), *constants) for name, end in ends.items())
     return Forces(gravity=(0.0, 0.0, -GRAVITY), springs=springs)
 
 
@@ -127,24 +113,13 @@ class Comparison:
 
 def compare(seconds: float, samples: int = 50, height: float = HEIGHT) -> Comparison:
     """Return the errors of a run; `height` is the initial height of the slider in the reference."""
-    run = ms.dynamics.run(
-        governor(),
-        forces(),
-        initial={"shaft.v": SPEED, "slider.q": HEIGHT},
-        duration=seconds,
-        samples=samples,
-    )
-    momentum = moment_about_shaft(ANGLE)[0] * SPEED
-    start = [0.0, ANGLE, height, 0.0, 0.0]
-    exact = solve_ivp(
-        rates, (0.0, seconds), start, "DOP853", run.time, args=(momentum,), rtol=1e-13, atol=1e-14
-    ).y
-    joints = run.motion.joints
-    errors = [
-        float(np.abs(joints[name].value - values).max())
-        for name, values in (("shaft", exact[0]), ("right", exact[1]), ("slider", exact[2]))
-    ]
-    return Comparison(*errors, run.steps)
+    initial = {"shaft.v": SPEED, "slider.q": HEIGHT}
+    run = ms.dynamics.run(governor(), forces(), initial=initial, duration=seconds, samples=samples)
+    start, momentum = [0.0, ANGLE, height, 0.0, 0.0], moment_about_shaft(ANGLE)[0] * SPEED
+    settings = {"args": (momentum,), "rtol": 1e-13, "atol": 1e-14}
+    exact = solve_ivp(rates, (0.0, seconds), start, "DOP853", run.time, **settings).y
+    angles = [run.motion.joints[name].value for name in ("shaft", "right", "slider")]
+    return Comparison(*np.abs(angles - exact[:3]).max(1).tolist(), run.steps)
 
 
 if __name__ == "__main__":

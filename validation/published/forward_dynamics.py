@@ -8,6 +8,7 @@ Run: python validation/published/forward_dynamics.py [periods of the pendulum, d
 """
 
 import sys
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from time import process_time
@@ -47,18 +48,12 @@ def a02_rates(_: float, state: np.ndarray) -> list[float]:
     return [state[1], -3.5 * a02_four_bars.GRAVITY / 3.0 * np.cos(state[0])]
 
 
-def show(name: str, run: ms.dynamics.DynamicRun, error: str, seconds: float) -> None:
-    print(f"{name:34s} {error:>10s} {run.energy_error:10.1e} {run.steps:8,d} {seconds:8.1f}", flush=True)
-
-
-def main(periods: float) -> None:
-    print(f"{'problem':34s} {'error':>10s} {'energy':>10s} {'steps':>8s} {'cpu s':>8s}")
-    start = process_time()
+def cases(periods: float) -> Iterator[tuple[str, str, float, int]]:
+    """Yield name, error, energy error and number of steps of each problem."""
     run = ms.dynamics.run(light_pendulum(), WEIGHT, duration=periods * a01_pendulum.PERIOD, samples=400)
     swing = run.motion.joints["pivot"].value + np.pi / 2.0
     error = np.abs(swing - a01_pendulum.exact(run.time)).max() / (np.pi / 2.0)
-    show(f"A01 pendulum, {periods:g} periods", run, f"{error:.1e}", process_time() - start)
-    start = process_time()
+    yield f"A01 pendulum, {periods:g} periods", f"{error:.1e}", run.energy_error, run.steps
     # the error depends on the distance of the steps from the singular configuration: the worst of six speeds
     worst, energy, steps = 0.0, 0.0, 0
     for speed in SPEEDS:
@@ -69,23 +64,24 @@ def main(periods: float) -> None:
         distance = run.motion.points["B0"].position[:, :2] - a02_four_bars.tip(exact.y[0])
         worst, energy = max(worst, float(np.abs(distance).max())), max(energy, run.energy_error)
         steps = max(steps, run.steps)
-    seconds = process_time() - start
-    print(
-        f"{'A02, worst of six speeds, 6 s [m]':34s} {worst:10.1e} {energy:10.1e} {steps:8,d} {seconds:8.1f}"
-    )
-    start = process_time()
-    run = ms.dynamics.run(
-        a03_squeezer.squeezer(), a03_squeezer.forces(), duration=a03_squeezer.END, samples=2
-    )
+    yield "A02, worst of six speeds, 6 s [m]", f"{worst:.1e}", energy, steps
+    squeezer = a03_squeezer.squeezer(), a03_squeezer.forces()
+    run = ms.dynamics.run(*squeezer, duration=a03_squeezer.END, samples=2)
     angles = np.array([run.motion.joints[name].value[-1] for name in a03_squeezer.NAMES])
-    digits = f"{a03_squeezer.digits(angles):.1f}"
-    show("A03 squeezer [correct digits]", run, digits, process_time() - start)
-    start = process_time()
+    yield "A03 squeezer [correct digits]", f"{a03_squeezer.digits(angles):.1f}", run.energy_error, run.steps
     run = ms.dynamics.run(a04_bricard.bricard(), WEIGHT, duration=10.0, samples=2, tolerance=BRICARD)
-    show("A04 Bricard, 10 s", run, "-", process_time() - start)
-    start = process_time()
+    yield "A04 Bricard, 10 s", "-", run.energy_error, run.steps
     run = ms.dynamics.run(rsup.rsup(), rsup.FORCES, initial={"shaft.v": 6.0}, duration=5.0, samples=2)
-    show("R-S-U-P slider-crank, 5 s", run, "-", process_time() - start)
+    yield "R-S-U-P slider-crank, 5 s", "-", run.energy_error, run.steps
+
+
+def main(periods: float) -> None:
+    print(f"{'problem':34s} {'error':>10s} {'energy':>10s} {'steps':>8s} {'cpu s':>8s}")
+    start = process_time()
+    for name, error, energy, steps in cases(periods):
+        seconds = process_time() - start
+        print(f"{name:34s} {error:>10s} {energy:10.1e} {steps:8,d} {seconds:8.1f}", flush=True)
+        start = process_time()
 
 
 if __name__ == "__main__":

@@ -29,11 +29,16 @@ HARD, DIFFERENCE = 0.999999, 1e-5
 SAMPLES = 40
 
 
+def near_equilibrium(case: Case) -> tuple[ms.dynamics.DynamicModel, dict[str, float]]:
+    """Return the model of a case, and coordinates near its equilibrium."""
+    model = ms.dynamics.dynamic_model(ms.load(case.name), case.forces)
+    return model, {f"{name}.q": q for name, q in zip(model.mechanism.drivers, case.guess, strict=True)}
+
+
 def ring_down(case: Case, number: int, amplitude: float) -> float:
     """Return the largest distance of the run from the mode's vibration over a period, per amplitude."""
-    model = ms.dynamics.dynamic_model(ms.load(case.name), case.forces)
+    model, initial = near_equilibrium(case)
     drivers = model.mechanism.drivers
-    initial = {f"{name}.q": value for name, value in zip(drivers, case.guess, strict=True)}
     equilibrium = ms.dynamics.nearest_equilibrium(model, initial=initial)
     mode = equilibrium.modes[number]
     start = {
@@ -53,9 +58,7 @@ def ring_down(case: Case, number: int, amplitude: float) -> float:
 
 def transition_eigenvalues(case: Case, timestep: float) -> Any:
     """Return s = log(z) / step of the eigenvalues z of MuJoCo's transition matrix about the equilibrium."""
-    solver = ms.load(case.name)
-    described = ms.dynamics.dynamic_model(solver, case.forces)
-    initial = {f"{name}.q": value for name, value in zip(solver.mechanism.drivers, case.guess, strict=True)}
+    described, initial = near_equilibrium(case)
     equilibrium = ms.dynamics.nearest_equilibrium(described, initial=initial)
     model = free_model(described.mechanism, case.forces, set()).model
     model.opt.timestep, model.opt.integrator = timestep, mujoco.mjtIntegrator.mjINT_IMPLICIT
@@ -63,7 +66,7 @@ def transition_eigenvalues(case: Case, timestep: float) -> Any:
     model.eq_solref[:] = 2.0 * timestep, 1.0
     model.eq_solimp[:] = HARD, HARD, 1.0, 0.5, 2.0
     data = mujoco.MjData(model)
-    data.qpos[:] = ms.closed_qpos(model, {name: equilibrium.q[name] for name in solver.mechanism.drivers})
+    data.qpos[:] = ms.closed_qpos(model, {name: equilibrium.q[name] for name in described.mechanism.drivers})
     matrix = np.zeros((2 * model.nv, 2 * model.nv))
     mujoco.mjd_transitionFD(model, data, DIFFERENCE, True, matrix, None, None, None)
     values = np.linalg.eigvals(matrix).astype(complex)
@@ -76,10 +79,7 @@ def nearest(values: Any, target: complex) -> complex:
 
 def main() -> None:
     for case in CASES:
-        model = ms.dynamics.dynamic_model(ms.load(case.name), case.forces)
-        initial = {
-            f"{name}.q": value for name, value in zip(model.mechanism.drivers, case.guess, strict=True)
-        }
+        model, initial = near_equilibrium(case)
         modes = ms.dynamics.modes(model, initial=initial)
         eigenvalues = [transition_eigenvalues(case, step) for step in STEPS]
         for number, mode in enumerate(modes):
