@@ -6,11 +6,34 @@ which hold.
 """
 
 import re
-from collections.abc import Callable
+import tomllib
+from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+
+PLAIN_MARKERS = {"long": pytest.mark.long, "slow": pytest.mark.slow}
+
+
+def row_parameters(
+    folder: str, name: str, markers: Mapping[str, pytest.MarkDecorator] = PLAIN_MARKERS
+) -> list[Any]:
+    """Return the tests in the tables of a folder of `tests/`, each a list of its rows of a name.
+
+    A row with `test` starts a test, by its sentence; rows without one continue it.
+    """
+    tests: list[list[dict[str, Any]]] = []
+    for path in sorted((Path(__file__).parent / folder).glob("*.toml")):
+        for row in tomllib.loads(path.read_text(encoding="utf-8"))[name]:
+            if "test" in row:
+                tests.append([])
+            tests[-1].append(row)
+    return [
+        pytest.param(rows, id=rows[0]["test"], marks=[markers[key] for key in rows[0].get("markers", [])])
+        for rows in tests
+    ]
 
 
 def select(value: Any, path: str) -> Any:

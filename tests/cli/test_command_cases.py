@@ -6,44 +6,23 @@ reason and the source of the right values. `models/NAME` is a file of `tests/mod
 
 import json
 import shlex
-import tomllib
 import xml.etree.ElementTree as ET
 from pathlib import Path
 from typing import Any
 
 import pytest
 from drawing import draws
-from expected import deviations, normalised
+from expected import PLAIN_MARKERS, deviations, normalised, row_parameters
 from model_files import FOLDER, changed_text
 from typed_call import Answer, Call
 
 from mechsim import files
 
-ROWS = [
-    row
-    for path in sorted((FOLDER.parent / "commands").glob("*.toml"))
-    for row in tomllib.loads(path.read_text(encoding="utf-8"))["run"]
-]
-STARTS = [i for i, row in enumerate(ROWS) if "test" in row]
-TESTS = [ROWS[start:end] for start, end in zip(STARTS, [*STARTS[1:], len(ROWS)], strict=True)]
-MARKERS = {"long": pytest.mark.long, "slow": pytest.mark.slow, "draws": draws}
 # words, all of which a text contains, or none; then paths into an output or a table, and expected values
 KEYS = {
-    *(
-        "test",
-        "why",
-        "markers",
-        "variables",
-        "files",
-        "line",
-        "code",
-        "quiet",
-        "repeats",
-        "written",
-        "absent",
-    ),
-    *("out", "err", "not_out", "not_err", "texts", "json", "tables", "out_lines", "err_lines"),
+    *["test", "why", "markers", "variables", "files", "line", "code", "quiet", "repeats", "written", "absent"]
 }
+KEYS |= {*["out", "err", "not_out", "not_err", "texts", "json", "tables", "out_lines", "err_lines"]}
 
 
 def words_missing(text: str, words: str | list[str]) -> list[str]:
@@ -121,13 +100,7 @@ def run_rows(
             last = answer.out
 
 
-@pytest.mark.parametrize(
-    "rows",
-    [
-        pytest.param(rows, id=rows[0]["test"], marks=[MARKERS[name] for name in rows[0].get("markers", [])])
-        for rows in TESTS
-    ],
-)
+@pytest.mark.parametrize("rows", row_parameters("commands", "run", PLAIN_MARKERS | {"draws": draws}))
 def test_a_command_does_what_its_rows_state(rows, mechsim, tmp_path, monkeypatch):
     run_rows(rows, mechsim, tmp_path, monkeypatch)
 

@@ -6,23 +6,15 @@ the other arguments. `again` requires the same of the file that `to_toml` writes
 """
 
 import operator
-import tomllib
 from typing import Any
 
 import pytest
-from expected import deviations
-from model_files import FOLDER, changed_text
+from expected import deviations, row_parameters
+from model_files import changed_text
 
 import mechsim as ms
 from mechsim.io.toml_writer import to_toml
 
-ROWS = [
-    row
-    for path in sorted((FOLDER.parent / "loads").glob("*.toml"))
-    for row in tomllib.loads(path.read_text(encoding="utf-8"))["load"]
-]
-STARTS = [i for i, row in enumerate(ROWS) if "test" in row]
-TESTS = [ROWS[start:end] for start, end in zip(STARTS, [*STARTS[1:], len(ROWS)], strict=True)]
 KEYS = {"test", "why", "markers", "files", "model", "options", "call", "expect", "error", "again"}
 
 
@@ -58,13 +50,7 @@ def check(row: dict[str, Any], folder: Any) -> None:
         assert deviations(run(row | {"model": "again.toml"}), row["expect"]) == []
 
 
-@pytest.mark.parametrize(
-    "rows",
-    [
-        pytest.param(rows, id=rows[0]["test"], marks=[pytest.mark.long] * ("markers" in rows[0]))
-        for rows in TESTS
-    ],
-)
+@pytest.mark.parametrize("rows", row_parameters("loads", "load"))
 def test_a_model_is_read_as_its_rows_state(rows, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for row in rows:
