@@ -28,6 +28,8 @@ import pytest
 from model_files import changed_model
 
 import mechsim as ms
+from mechsim.kinematics.assur import assur_groups
+from mechsim.kinematics.mobility_count import mobility
 from mechsim.kinetics.dynamic_run import initial_values
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.studies.dynamics_check import crosscheck_driven, crosscheck_equilibrium, crosscheck_forward
@@ -51,7 +53,12 @@ def prescribed(solver: Any, *arguments: Any, **options: Any) -> Any:
 
 
 # calls that take something else than a solver, or are in no public module
-CALLS = {"driven": driven, "dynamics.prescribed": prescribed}
+CALLS = {
+    "driven": driven,
+    "dynamics.prescribed": prescribed,
+    "mobility": lambda solver: mobility(solver.mechanism),
+    "assur_groups": lambda solver: assur_groups(solver.mechanism),
+}
 
 
 def merged(row: Row, changes: Row) -> Row:

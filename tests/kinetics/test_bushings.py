@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
-from model_files import model_text, stated_mechanism
+from model_files import stated_mechanism
 from scipy.spatial.transform import Rotation
 
 import mechsim as ms
@@ -14,7 +14,6 @@ from mechsim.kinetics.equations_of_motion import equations_of_motion
 from mechsim.kinetics.initial_state import StateLayout
 from mechsim.kinetics.right_hand_side import RightHandSide
 from mechsim.mechanism.links import GROUND
-from mechsim.mechanism.nonlinear_springs import diagonal
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.studies.dynamics_check import crosscheck_driven
 
@@ -91,15 +90,3 @@ def test_drive_torque_and_reactions_agree_with_mujoco():
     assert verdict.passed, verdict
     without = ms.dynamics.dynamic_model(solver, replace(forces, bushings=()))
     assert not crosscheck_driven(run, without).passed
-
-
-TEXT = model_text("bushings_text.toml")
-
-
-def test_a_bushing_in_a_file_is_written_and_read_back(tmp_path):
-    (tmp_path / "mounted.toml").write_text(TEXT)
-    (bushing,) = ms.load(tmp_path / "mounted.toml", still=True).forces.bushings
-    assert bushing.stiffness == diagonal(4000.0, 3000.0, 5000.0, 8.0, 12.0, 5.0)
-    assert bushing.a == ms.End(GROUND, (0.01, 0.0, 0.0), (0.0, 1.0, 0.0))
-    ms.export(tmp_path / "mounted.toml", tmp_path / "written.toml", format="toml")
-    assert ms.load(tmp_path / "written.toml", still=True).forces.bushings == (bushing,)

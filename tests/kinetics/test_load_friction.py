@@ -1,29 +1,21 @@
-"""Coulomb friction by the load of joints: closed forms, and equations solved by scipy."""
+"""Friction by load and rate in a prescribed motion, by both methods."""
 
 import numpy as np
 import pytest
-from model_files import model_text
+from model_files import load_model
 
-import mechsim as ms
 from mechsim import dynamics
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.studies.dynamics_check import crosscheck_driven
 
-SLIDER_CRANK = model_text("load_friction_slider_crank.toml")
-LOADED = "\n[forces.loads.press]\nat = { link = 'slider' }\nforce = ['-300 N', 0, 0]\n"
 
-
-def loaded(text, tmp_path, **options):
-    path = tmp_path / "friction.toml"
-    path.write_text(text)
-    return ms.load(str(path), **options)
-
-
-def test_friction_by_rate_acts_in_a_prescribed_motion_by_both_methods(tmp_path):
-    text = SLIDER_CRANK.replace(
-        "coefficient = 0.1 }", 'coefficient = 0.1, static = 0.3, stribeck = "0.5 m/s" }'
+def test_friction_by_rate_acts_in_a_prescribed_motion_by_both_methods():
+    solver = load_model(
+        "load_friction_slider_crank.toml",
+        ("coefficient = 0.1 }", 'coefficient = 0.1, static = 0.3, stribeck = "0.5 m/s" }'),
+        more="[forces.loads.press]\nat = { link = 'slider' }\nforce = ['-300 N', 0, 0]",
     )
-    model = dynamics.dynamic_model(loaded(text + LOADED, tmp_path))
+    model = dynamics.dynamic_model(solver)
     run = driven(model.mechanism, model.forces, speed=25.0, samples=12)
     verdict = crosscheck_driven(run, model)
     assert verdict.passed, verdict

@@ -5,7 +5,6 @@ import pytest
 from model_files import model_text
 
 import mechsim as ms
-from mechsim.io.toml_writer import to_toml
 from mechsim.mechanism.belts import belts_of
 from mechsim.shapes.joints import link_shapes
 
@@ -60,10 +59,3 @@ def test_a_belt_is_drawn_around_its_pulleys(tmp_path):
     strands = [shape for shape in link_shapes(model.mechanism)["ground"] if shape.kind == "capsule"]
     length = sum(np.linalg.norm(np.subtract(shape.to, shape.frm)) for shape in strands)
     assert length == pytest.approx(path.length, rel=2e-3)
-
-
-def test_a_belt_is_written_and_read_again(tmp_path):
-    model, path = belt(tmp_path, "length = 1.19621\ntensioner = { at = [0.15, -0.02, 0], radius = 0.03 }")
-    (tmp_path / "again.toml").write_text(to_toml(model))
-    (again,) = belts_of(ms.load(str(tmp_path / "again.toml")).mechanism)
-    assert again.length == path.length
