@@ -7,7 +7,7 @@ from mechsim.cli.output import print_table, print_text
 from mechsim.errors import SingularStartError, several
 from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.mechanism.finding import Finding
-from mechsim.mechanism.link_poses import hinged_normals
+from mechsim.mechanism.motion_plane import hinged_normals
 
 
 def kind(solver: KinematicSolver, dofs: int | None = None) -> str:

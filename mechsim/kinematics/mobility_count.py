@@ -11,9 +11,9 @@ from mechsim.kinematics.loops.mobility import dof_count, solver_at_generic_pose,
 from mechsim.kinematics.loops.motion import assemble, spinning_links
 from mechsim.mechanism.joint_kinds import KINDS
 from mechsim.mechanism.joints import End, Joint
-from mechsim.mechanism.link_poses import PARALLEL_TOLERANCE, plane_normals
 from mechsim.mechanism.links import GROUND
 from mechsim.mechanism.mechanism import Mechanism
+from mechsim.mechanism.motion_plane import PARALLEL_TOLERANCE, plane_normals
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.graphs import components
 
@@ -26,7 +26,7 @@ def plane_normal(mechanism: Mechanism) -> Array | None:
     """Return the normal of the plane of a planar mechanism, or None if it is spatial.
 
     Returns:
-        Unit vector in the ground frame, (3,), or None; planar as in `model.link_poses.plane_normals`.
+        Unit vector in the ground frame, (3,), or None; planar as in `motion_plane.plane_normals`.
     """
     normals = plane_normals(mechanism)
     return None if normals is None else normals[GROUND]

@@ -1,22 +1,18 @@
 """Initial poses for assembly: the guess of a mechanism, completed link by link along its joints."""
 
 from collections import Counter
-from collections.abc import Collection, Container, Mapping, Sequence
+from collections.abc import Collection, Container, Mapping
 from dataclasses import replace
 from heapq import heapify, heappop, heappush
 
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.mechanism.joint_kinds import COLUMN, FIXED, KINDS, KindName, displaced
+from mechsim.mechanism.joint_kinds import FIXED, KINDS, displaced
 from mechsim.mechanism.joints import End, Joint, Sides, joint_coordinate
 from mechsim.mechanism.links import (
-    EX,
-    EY,
-    EZ,
     GROUND,
     IDENTITY,
-    ORIGIN,
     VIRTUAL_PREFIX,
     Inertia,
     Link,
@@ -26,7 +22,6 @@ from mechsim.mechanism.links import (
     vector,
 )
 from mechsim.mechanism.mechanism import Mechanism
-from mechsim.mechanism.motion import Motion
 from mechsim.numerics.arrays import REVOLUTION, Array
 
 
@@ -156,39 +151,6 @@ def _displaced(
     return -rotated(rotation, shift), rotation
 
 
-def moved_links(mechanism: Mechanism, motion: Motion) -> dict[str, Pose]:
-    """Return the poses of all links except ground, and of rods, at the n instants of a motion.
-
-    Raises:
-        InputError: if the motion lacks a link that is a body.
-    """
-    poses = {GROUND: IDENTITY}
-    # links without a body are placed about the others
-    for link in sorted(mechanism.links, key=lambda link: not link.is_body):
-        if link.name in motion.links:
-            moved = motion.links[link.name]
-            poses[link.name] = Pose(moved.position, moved.rotation)
-        elif link.is_body:
-            raise InputError(
-                f"the motion has no pose of link {link.name!r}, so the link cannot be drawn; "
-                "solve it with links"
-            )
-        else:
-            poses[link.name] = _hidden_link_pose(mechanism, link.name, poses, motion)
-    return with_rods(mechanism, {link.name: poses[link.name] for link in mechanism.links})[1]
-
-
-def _hidden_link_pose(mechanism: Mechanism, name: str, poses: dict[str, Pose], motion: Motion) -> Pose:
-    """Return the pose of a link without body that a joint without ball connects to another link."""
-    joint = next(candidate for candidate in mechanism.joints if candidate.b.link == name)
-    carrier, values = poses[joint.a.link], [motion.joints[name].value for name in joint.coordinates]
-    shift, relative = displaced(KINDS[joint.kind], values, joint.cross_angle)
-    frame = carrier.rotation @ joint.a.frame
-    rotation = np.broadcast_to(frame @ relative @ joint.b.frame.T, (len(values[0]), 3, 3))
-    position = carrier.point(joint.a.point) + rotated(frame, shift)
-    return Pose(position - rotation @ joint.b.point, rotation)
-
-
 # separates the names of a joint and of its link in the name of a virtual body
 VIRTUAL_BODY_SEPARATOR = "@"
 
@@ -235,34 +197,6 @@ def split_joints(mechanism: Mechanism, names: Collection[str]) -> Mechanism:
     return replace(mechanism, links=tuple(links), joints=tuple(joints))
 
 
-def with_rods(
-    mechanism: Mechanism, poses: Mapping[str, Pose], at_origin: KindName = "spherical"
-) -> tuple[Mechanism, dict[str, Pose]]:
-    """Return a mechanism with a link for each distance joint, and poses with its own.
-
-    Its length is along its x axis. It has a pose if both links that it connects have one.
-
-    Args:
-        mechanism: the mechanism.
-        poses: link -> its pose or poses.
-        at_origin: kind of the joint at its origin; the other joint is spherical.
-    """
-    placed, links, joints = {GROUND: IDENTITY, **poses}, [*mechanism.links], list[Joint]()
-    for joint in mechanism.joints:
-        if not KINDS[joint.kind].rod:
-            joints.append(joint)
-            continue
-        name, tip = f"{VIRTUAL_PREFIX}{joint.name}", (joint.length, 0.0, 0.0)
-        links.append(Link(name, (ORIGIN, tip)))
-        joints.append(Joint(joint.name, at_origin, joint.a, End(name, axis=EY)))
-        joints.append(Joint(name, "spherical", End(name, tip), joint.b))
-        if joint.a.link in placed and joint.b.link in placed:
-            first, second = (placed[end.link].point(end.point) for end in (joint.a, joint.b))
-            placed[name] = Pose(np.broadcast_to(first, (second - first).shape), _along_x(second - first))
-    del placed[GROUND]
-    return replace(mechanism, links=tuple(links), joints=tuple(joints)), placed
-
-
 def spin_rod(ball: Joint, spin: Vector, poses: Mapping[str, Pose]) -> Joint:
     """Return a massless rod next to a ball, which locks one of its three rotations.
 
@@ -283,74 +217,6 @@ def spin_rod(ball: Joint, spin: Vector, poses: Mapping[str, Pose]) -> Joint:
     return Joint(f"{VIRTUAL_PREFIX}{ball.name}", "distance", *ends, length=float(np.sqrt(2.0) * arm))
 
 
-def _along_x(gap: Array) -> Array:
-    """Return rotations whose x axes lie along gaps, (..., 3, 3)."""
-    x = gap / np.linalg.norm(gap, axis=-1, keepdims=True)
-    y = np.cross(np.where(np.abs(x[..., 2:]) < 0.9, EZ, EX), x)
-    y = y / np.linalg.norm(y, axis=-1, keepdims=True)
-    return np.stack([x, y, np.cross(x, y)], -1)
-
-
 def _replaced_end(joint: Joint) -> End:
     """Return the end of a joint that its virtual body replaces: side b, or side a if b is the frame."""
     return joint.a if joint.b.link == GROUND else joint.b
-
-
-# directions count as parallel below this: frames are accurate to 1e-16, real tilts are far larger
-PARALLEL_TOLERANCE = 1e-9
-
-
-def plane_normals(mechanism: Mechanism) -> dict[str, Array] | None:
-    """Return the normal of the plane of motion in each link's frame, or None for a spatial mechanism.
-
-    A mechanism is planar if all joints rotate about one direction and slide perpendicular to it at any
-    coordinates. This follows from the description, without solving. Points of a link need not lie in one
-    plane.
-
-    Args:
-        mechanism: the mechanism.
-
-    Returns:
-        Link ("ground" included) -> unit vector, (3,): along the crank's axis, transferred along the joints.
-    """
-    joint = (mechanism.driven_joints or mechanism.joints)[0]
-    return _normals(joint.a, mechanism, mechanism.joints)
-
-
-def hinged_normals(mechanism: Mechanism) -> dict[str, Array] | None:
-    """Return normals as `plane_normals`, also with sliding drivers or spherical joints that close loops.
-
-    Spherical and universal joints cannot move links out of a plane in which hinges and slides keep them.
-    """
-    aligned = [joint for joint in mechanism.joints if KINDS[joint.kind].aligned]
-    hinges = [joint.a for joint in (*mechanism.driven_joints, *aligned) if KINDS[joint.kind].hinge]
-    normals = (_normals(hinges[0], mechanism, aligned) if hinges else None) or {}
-    return normals if normals.keys() >= {*mechanism.link_names} else None
-
-
-def _normals(hinge: End, mechanism: Mechanism, joints: Sequence[Joint]) -> dict[str, Array] | None:
-    normals, count = {hinge.link: np.asarray(hinge.axis)}, 0
-    while count < len(normals):
-        count = len(normals)
-        for joint in joints:
-            for start, other in ((joint.a, joint.b), (joint.b, joint.a)):
-                if start.link in normals and other.link not in normals:
-                    # a joint that rotates about the normal has it in the same direction of both joint frames
-                    normals[other.link] = other.frame @ start.frame.T @ normals[start.link]
-    ends = [(joint, end) for joint in joints for end in (joint.a, joint.b)]
-    planar = all(
-        end.link in normals and _stays_in_plane(joint, end, normals[end.link]) for joint, end in ends
-    )
-    return normals if planar else None
-
-
-def _stays_in_plane(joint: Joint, end: End, normal: Array) -> bool:
-    """Whether a joint rotates about a normal of one of its links and slides perpendicular to it."""
-    kind = KINDS[joint.kind]
-    if not kind.aligned:
-        return False
-    components = end.frame.T @ normal
-    across = [abs(components[COLUMN[axis]]) for axis in kind.slides]
-    if kind.turns:
-        across += [abs(components[0]), abs(components[1])]
-    return max(across, default=0.0) <= PARALLEL_TOLERANCE

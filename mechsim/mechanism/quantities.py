@@ -17,9 +17,9 @@ from mechsim.errors import InputError
 from mechsim.mechanism.expressions import Evaluator, Term, parse_expression, unit_powers, unit_text
 from mechsim.mechanism.force_record import COMPONENTS, ForceRecord
 from mechsim.mechanism.joint_kinds import KINDS as JOINT_KINDS
-from mechsim.mechanism.link_poses import PARALLEL_TOLERANCE, plane_normals
 from mechsim.mechanism.links import AXES, GROUND
 from mechsim.mechanism.mechanism import Mechanism
+from mechsim.mechanism.motion_plane import PARALLEL_TOLERANCE, plane_normals
 from mechsim.mechanism.quantity import ELEMENTS, TRANSMISSION, Column, Function, Quantity, Source, link_column
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.jets import angle_of

@@ -10,10 +10,10 @@ from numpy.typing import ArrayLike
 from mechsim.errors import InputError
 from mechsim.mechanism.joint_kinds import KINDS
 from mechsim.mechanism.joints import End, Joint, joint_coordinate
-from mechsim.mechanism.link_poses import hinged_normals
 from mechsim.mechanism.links import GROUND, Pose
 from mechsim.mechanism.links import IDENTITY as GROUND_POSE
 from mechsim.mechanism.mechanism import Mechanism
+from mechsim.mechanism.motion_plane import hinged_normals
 from mechsim.numerics.arrays import Array
 from mechsim.shapes.shape import HOUSING, PALETTE, STEEL, Kind, Rgba, Shape, vector
 

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.mechanism.link_poses import hinged_normals
 from mechsim.mechanism.links import GROUND, IDENTITY, Pose
 from mechsim.mechanism.mechanism import Mechanism, Up, unit_vector
+from mechsim.mechanism.motion_plane import hinged_normals
 from mechsim.numerics.arrays import Array
 from mechsim.shapes.body import extent, hull
 from mechsim.shapes.shape import HOUSING, Shape, vector

@@ -8,10 +8,10 @@ import numpy as np
 from mechsim.mechanism.forces import Forces
 from mechsim.mechanism.joint_kinds import KindName
 from mechsim.mechanism.joints import End, Joint
-from mechsim.mechanism.link_poses import with_rods
 from mechsim.mechanism.links import GROUND, Link
 from mechsim.mechanism.links import IDENTITY as GROUND_POSE
 from mechsim.mechanism.mechanism import Mechanism
+from mechsim.mechanism.moved_links import with_rods
 from mechsim.numerics.arrays import REVOLUTION, Array
 from mechsim.shapes.body import Canvas, edges, fixed_links, free_sides, hull, span, stations
 from mechsim.shapes.gears import draw_gears

@@ -6,8 +6,8 @@ import pytest
 from model_files import stated_mechanism
 
 import mechsim as ms
-from mechsim.mechanism.link_poses import plane_normals
 from mechsim.mechanism.links import GROUND
+from mechsim.mechanism.motion_plane import plane_normals
 
 
 def test_a_mechanism_is_planar_if_no_joint_leaves_the_plane():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import mechsim as ms
-from mechsim.mechanism.link_poses import moved_links
+from mechsim.mechanism.moved_links import moved_links
 
 LOOPER = Path(__file__).parents[2] / "models" / "looper.xml"
 ANGLES = np.linspace(0.0, 6.0, 7)

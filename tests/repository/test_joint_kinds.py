@@ -28,7 +28,8 @@ DEFINING_MODULES = {
     "mechsim.io.planar_json",  # types of joints in files of other programs
     "mechsim.io.pylinkage_json",  # types of joints in files of other programs
     "mechsim.studies.robots.serial_twin",  # types of joints in URDF
-    "mechsim.mechanism.link_poses",  # the ends of the links that stand for rods
+    "mechsim.mechanism.link_poses",  # the rod that locks the spin of a ball
+    "mechsim.mechanism.moved_links",  # the ends of the links that stand for rods
     "mechsim.mechanism.quantities",  # "distance" is a quantity there
     "mechsim.simulation.mjcf.generator",  # the ends of the links that stand for rods
     "mechsim.simulation.mjcf_reader.equality_constraints",  # a tendon's equality is a rod

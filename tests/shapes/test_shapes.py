@@ -6,10 +6,10 @@ from model_files import stated_mechanism
 
 from mechsim import catalog, load, loops
 from mechsim.mechanism.joints import End, Joint, joint_coordinate
-from mechsim.mechanism.link_poses import hinged_normals
 from mechsim.mechanism.links import GROUND, Link, Pose
 from mechsim.mechanism.links import IDENTITY as STANDING
 from mechsim.mechanism.mechanism import Mechanism, unit_vector
+from mechsim.mechanism.motion_plane import hinged_normals
 from mechsim.shapes import camera
 from mechsim.shapes.body import extent, free_sides, layers_of, planar_normals, rod_radius
 from mechsim.shapes.joints import link_shapes

@@ -10,10 +10,11 @@ from mechsim.mechanism.belts import belts_of
 from mechsim.mechanism.forces import Forces
 from mechsim.mechanism.joint_kinds import KINDS
 from mechsim.mechanism.joints import End, Joint
-from mechsim.mechanism.link_poses import hinged_normals, moved_links, with_rods
 from mechsim.mechanism.links import GROUND, IDENTITY, Pose
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.motion import Motion
+from mechsim.mechanism.motion_plane import hinged_normals
+from mechsim.mechanism.moved_links import moved_links, with_rods
 from mechsim.numerics.arrays import REVOLUTION, Array
 from mechsim.pictures.label_positions import Rectangle, placed, shared
 from mechsim.pictures.number_text import prefixed, readable

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.mechanism.link_poses import moved_links
 from mechsim.mechanism.links import GROUND, IDENTITY
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.motion import Motion
+from mechsim.mechanism.moved_links import moved_links
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.plots.figure import (
     COLOURS,

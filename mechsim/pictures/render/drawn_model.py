@@ -11,9 +11,10 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from mechsim.mechanism.link_poses import hinged_normals, with_rods
 from mechsim.mechanism.links import GROUND, ORIGIN, VIRTUAL_PREFIX, Pose
 from mechsim.mechanism.mechanism import Mechanism
+from mechsim.mechanism.motion_plane import hinged_normals
+from mechsim.mechanism.moved_links import with_rods
 from mechsim.pictures.render import scenery
 from mechsim.pictures.render.frame_poses import FramePoses, Ghost
 from mechsim.pictures.render.gltf import triangles

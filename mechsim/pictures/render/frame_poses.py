@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mechsim.errors import InputError
-from mechsim.mechanism.link_poses import moved_links
 from mechsim.mechanism.links import GROUND, IDENTITY, Pose, Vector
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.motion import Motion
+from mechsim.mechanism.moved_links import moved_links
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.number_text import power_of_ten
 from mechsim.shapes.body import span

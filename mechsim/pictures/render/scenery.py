@@ -7,9 +7,10 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mechsim.mechanism.link_poses import hinged_normals, with_rods
 from mechsim.mechanism.links import GROUND
 from mechsim.mechanism.mechanism import Mechanism
+from mechsim.mechanism.motion_plane import hinged_normals
+from mechsim.mechanism.moved_links import with_rods
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.number_text import prefixed
 from mechsim.shapes import camera as cameras

@@ -14,9 +14,10 @@ from numpy.typing import ArrayLike, NDArray
 from mechsim._version import __version__
 from mechsim.errors import needs
 from mechsim.mechanism.joint_kinds import KINDS
-from mechsim.mechanism.link_poses import hinged_normals, with_rods
 from mechsim.mechanism.links import GROUND, IDENTITY, Pose
 from mechsim.mechanism.mechanism import Mechanism
+from mechsim.mechanism.motion_plane import hinged_normals
+from mechsim.mechanism.moved_links import with_rods
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.view.pose_grid import PoseGrid, Readout, View, quaternions
 from mechsim.shapes import camera as cameras

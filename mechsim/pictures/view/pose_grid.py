@@ -6,10 +6,10 @@ from typing import Any, Literal
 
 import numpy as np
 
-from mechsim.mechanism.link_poses import moved_links, with_rods
 from mechsim.mechanism.links import GROUND, VIRTUAL_PREFIX
 from mechsim.mechanism.mechanism import Mechanism, Up
 from mechsim.mechanism.motion import Motion
+from mechsim.mechanism.moved_links import moved_links, with_rods
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.render.frame_poses import errors, factor, returns_to_start
 from mechsim.pictures.render.look import Drawn

@@ -16,9 +16,9 @@ from mechsim.mechanism.actuators import Actuator
 from mechsim.mechanism.forces import Forces, Friction, JointSpring, Location, Spring, located
 from mechsim.mechanism.joint_kinds import KINDS
 from mechsim.mechanism.joints import End, Joint
-from mechsim.mechanism.link_poses import plane_normals
 from mechsim.mechanism.links import ORIGIN, vector
 from mechsim.mechanism.mechanism import Mechanism
+from mechsim.mechanism.motion_plane import plane_normals
 from mechsim.mechanism.motors import ConstantTorque, DCMotor, Geared, Motor
 from mechsim.mechanism.nonlinear_springs import Bushing, NonlinearSpring
 from mechsim.simulation.mjcf.joints import finite_limits, model_names, part_names

@@ -9,9 +9,11 @@ import numpy as np
 from mechsim.errors import InputError
 from mechsim.mechanism.joint_kinds import KINDS
 from mechsim.mechanism.joints import Coupling, Joint
-from mechsim.mechanism.link_poses import initial_coordinates, plane_normals, with_rods, with_virtual_bodies
+from mechsim.mechanism.link_poses import initial_coordinates, with_virtual_bodies
 from mechsim.mechanism.links import GROUND, IDENTITY, Pose
 from mechsim.mechanism.mechanism import Mechanism
+from mechsim.mechanism.motion_plane import plane_normals
+from mechsim.mechanism.moved_links import with_rods
 from mechsim.mechanism.scene import Scene
 from mechsim.numerics.arrays import REVOLUTION
 from mechsim.simulation.mjcf.equalities import add_equality, add_rod, lock_joint

@@ -8,9 +8,10 @@ import numpy as np
 from mechsim.errors import InputError
 from mechsim.mechanism.joint_kinds import KINDS, Kind
 from mechsim.mechanism.joints import End, Joint
-from mechsim.mechanism.link_poses import plane_normals, require_placed, split_joints, virtual_body
+from mechsim.mechanism.link_poses import require_placed, split_joints, virtual_body
 from mechsim.mechanism.links import GROUND
 from mechsim.mechanism.mechanism import Mechanism
+from mechsim.mechanism.motion_plane import plane_normals
 from mechsim.numerics.graphs import components, distances, spanning_edges
 from mechsim.simulation.mjcf.joints import Branch, coincident_points
 

@@ -10,9 +10,9 @@ import numpy as np
 
 from mechsim.errors import InputError
 from mechsim.io.python_object import run_user_code
-from mechsim.mechanism.link_poses import PARALLEL_TOLERANCE, plane_normals
 from mechsim.mechanism.links import GROUND
 from mechsim.mechanism.mechanism import Mechanism
+from mechsim.mechanism.motion_plane import PARALLEL_TOLERANCE, plane_normals
 from mechsim.mechanism.quantities import quantity, unknown
 from mechsim.mechanism.quantity import AXES, Quantity
 from mechsim.numerics.arrays import Array

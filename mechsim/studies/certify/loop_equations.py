@@ -18,9 +18,9 @@ from mechsim.kinematics.loops.constraints import CoupledRow, Cut, coupled_rows, 
 from mechsim.kinematics.loops.tree import SpanningTree, TreeJoint, spanning_tree
 from mechsim.mechanism.joint_kinds import COLUMN, KINDS
 from mechsim.mechanism.joints import Joint
-from mechsim.mechanism.link_poses import with_rods
 from mechsim.mechanism.links import GROUND, ORIGIN, VIRTUAL_PREFIX
 from mechsim.mechanism.mechanism import Mechanism, require_polynomials
+from mechsim.mechanism.moved_links import with_rods
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.balls import Ball, DualBall, ball
 
