@@ -301,36 +301,46 @@ def symmetric_band(pattern: SparseMatrices) -> Band | None:
 
 
 def least_norm_systems(
-    matrix: SparseMatrices, bands: dict[bytes, tuple[NDArray[np.intp], Band | None]]
+    matrix: SparseMatrices,
+    bands: dict[bytes, tuple[NDArray[np.intp], Band | None]],
+    metric: SparseMatrices | None = None,
 ) -> "LeastNormSystems | None":
     """Return sparse equations as systems for solutions of least norm; None if they are not banded.
 
     Args:
         matrix: Jacobians, (rows, unknowns).
         bands: orders of equations and unknowns that were computed before, which new ones are added to.
+        metric: symmetric matrices of the square of the norm, with entries at the same positions whenever
+            `bands` are the same; the default is the identity.
     """
     # those out of the plane of a planar linkage are zero
     nonzero = np.abs(matrix.values).max(1, initial=0.0) > NEGLIGIBLE
     key, i, j, count = nonzero.tobytes(), matrix.rows[nonzero], matrix.columns[nonzero], matrix.shape[1]
+    values, diagonal = matrix.values[nonzero], np.arange(count)
+    if metric is None:
+        metric = SparseMatrices(diagonal, diagonal, np.ones((count, values.shape[1])), (count, count))
     if key not in bands:
         rows, i = np.unique(i, return_inverse=True)
-        diagonal, order = np.arange(count), count + len(rows)
-        first, second = (np.concatenate([diagonal, *pair]) for pair in ((count + i, j), (j, count + i)))
+        order = count + len(rows)
+        first = np.concatenate([metric.rows, count + i, j])
+        second = np.concatenate([metric.columns, j, count + i])
         pattern = SparseMatrices(first, second, np.zeros((len(first), 0)), (order, order))
         bands[key] = rows, symmetric_band(pattern) if len(rows) <= count else None
     rows, band = bands[key]
     if band is None:
         return None
-    values = matrix.values[nonzero]
-    systems = BandedSystems(band, np.concatenate([np.ones((count, values.shape[1])), values, values]))
-    return LeastNormSystems(rows, count, systems)
+    return LeastNormSystems(rows, count, BandedSystems(band, np.concatenate([metric.values, values, values])))
+
+
+def entries_of(matrix: Array) -> SparseMatrices:
+    """Return the entries of matrices (n, m, k) that are not rounding."""
+    rows, columns = np.nonzero(np.abs(matrix).max(0, initial=0.0) > NEGLIGIBLE)
+    return SparseMatrices(rows, columns, matrix[:, rows, columns].T, matrix.shape[1:])
 
 
 def sparse_least_norm(matrix: Array, right: Array) -> Array:
     """Return the solutions of least norm, (n, k), of sparse equations (n, m, k) x = (n, m)."""
-    rows, columns = np.nonzero(np.abs(matrix).max(0, initial=0.0) > NEGLIGIBLE)
-    entries = SparseMatrices(rows, columns, matrix[:, rows, columns].T, matrix.shape[1:])
-    systems = least_norm_systems(entries, {})
+    systems = least_norm_systems(entries_of(matrix), {})
     if systems is None:
         return least_norm(matrix, right)
     solutions, valid = systems.least_norm(right[:, systems.rows])
@@ -343,7 +353,8 @@ def sparse_least_norm(matrix: Array, right: Array) -> Array:
 class LeastNormSystems:
     """Sparse equations J x = g of n instants with independent rows: solutions of least norm, multipliers.
 
-    Both solve the augmented system x + J'y = f, J x = g, whose LU factors do not square the condition of J.
+    Both solve the augmented system M x + J'y = f, J x = g, whose LU factors do not square the condition of
+    J; the metric M of the norm is the identity by default.
 
     Source: Å. Björck, Iterative refinement of linear least squares solutions I, BIT 7 (1967) 257-278.
 
@@ -394,7 +405,7 @@ class LeastNormSystems:
         try:
             projected, multipliers = self.solved(vectors)
             # the second projection removes the rounding of the first
-            projected, _ = self.solved(projected[:dof])
+            projected = self.solved(projected[:dof])[0] if dof else projected[:0]
         except np.linalg.LinAlgError:
             return np.zeros((len(self), self.count, dof)), np.zeros(len(self), dtype=np.bool_)
         longest = np.linalg.norm(random, axis=(1, 2)).max()

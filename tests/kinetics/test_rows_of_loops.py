@@ -6,6 +6,8 @@ from kinematics.test_exact_geometry import row_of_four_bars
 from mechsim.kinematics.loops import start
 from mechsim.kinetics import equilibria, linearization, prescribed, prescribed_motion, reactions
 from mechsim.kinetics.model import dynamic_model
+from mechsim.simulation.dynamics import inverse_dynamics
+from mechsim.simulation.dynamics.prescribed_motion import driven
 
 ANGLES = np.linspace(0.0, 0.1, 4)
 
@@ -74,3 +76,15 @@ def test_equilibria_of_a_row_by_sparse_loops_are_those_of_whole_matrices(monkeyp
         assert max(abs(own.q[name] - value) for name, value in expected.q.items()) <= 1e-9
         for mode, other in zip(own.modes, expected.modes, strict=True):
             assert abs(mode.eigenvalue - other.eigenvalue) <= 1e-8 * abs(other.eigenvalue)
+
+
+def test_forces_of_a_row_in_mujoco_by_sparse_loops_are_those_of_whole_matrices(monkeypatch):
+    records = []
+    for least in (1, 1000):
+        monkeypatch.setattr(inverse_dynamics, "SPARSE", least)
+        records.append(driven(row_of_four_bars(16), speed=3.0, turns=0.01, samples=4).forces)
+    sparse, whole = records
+    assert np.abs(sparse.torque / whole.torque - 1.0).max() <= 1e-9
+    largest = max(np.abs(reaction.force).max() for reaction in whole.reactions.values())
+    for name, reaction in whole.reactions.items():
+        assert np.abs(sparse.reactions[name].force - reaction.force).max() <= 1e-9 * largest

@@ -10,7 +10,8 @@ import numpy as np
 from mechsim.mechanism.force_record import ForceRecord
 from mechsim.mechanism.motion import join, replace_instants, weighted_sums
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.rank import RANK_TOLERANCE, pseudo_inverse
+from mechsim.numerics.banded import entries_of, least_norm_systems
+from mechsim.numerics.rank import RANK_TOLERANCE, SPARSE, pseudo_inverse
 from mechsim.numerics.resources import Progress, no_progress
 from mechsim.simulation import loop_jacobian, recording
 from mechsim.simulation.dynamics.applied_forces import (
@@ -226,6 +227,8 @@ def _least(loaded: LoadedModel, jacobian: Array, inertia: Array, right: Array) -
     """
     crank = np.broadcast_to(np.eye(loaded.model.nv)[loaded.loops.crank], (len(jacobian), 1, loaded.model.nv))
     rows, scale = np.concatenate([jacobian, crank], 1), row_scale(loaded, jacobian.shape[1] + 1)
+    if loaded.model.nv >= SPARSE and (solved := _sparse_least(rows, inertia, scale, right)):
+        return solved
     lower = np.linalg.cholesky(inertia)
     weighted = np.swapaxes(np.linalg.solve(lower, np.swapaxes(rows, 1, 2)), 1, 2) * scale[:, None]
     u, values, vt = np.linalg.svd(weighted, full_matrices=False)
@@ -234,6 +237,21 @@ def _least(loaded: LoadedModel, jacobian: Array, inertia: Array, right: Array) -
     scaled = inverse * (np.swapaxes(u, 1, 2) @ (scale * right)[..., None])[..., 0]
     x = np.linalg.solve(np.swapaxes(lower, 1, 2), np.swapaxes(vt, 1, 2) @ scaled[..., None])[..., 0]
     return np.asarray(x, dtype=np.float64), scale * (u @ (inverse * scaled)[..., None])[..., 0]
+
+
+def _sparse_least(rows: Array, inertia: Array, scale: Array, right: Array) -> tuple[Array, Array] | None:
+    """Return the same of many degrees of freedom; None if rows are redundant, or the loops are not banded."""
+    mass = np.trace(inertia, axis1=1, axis2=2)[:, None] / inertia.shape[1]
+    # in the units of the mean inertia
+    metric = entries_of(inertia / mass[..., None])
+    systems = least_norm_systems(entries_of(rows * scale[:, None]), {}, metric)
+    if systems is None or not systems.null_bases[1].all():
+        return None
+    sides = (scale * right)[None, :, systems.rows]
+    (x,), (opposite,) = systems.solved(np.zeros((1, *inertia.shape[:2])), sides)
+    multipliers = np.zeros_like(right)
+    multipliers[:, systems.rows] = -mass * opposite
+    return x, scale * multipliers
 
 
 def _kinetic(loaded: LoadedModel, rates: Array, plain: Fields) -> Array:
