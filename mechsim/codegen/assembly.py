@@ -85,7 +85,7 @@ class SolvedAssembly:
     @cached_property
     def determinant_sign(self) -> float:
         """Sign of the determinant of the solved rows in this assembly."""
-        return float(self.solver.at_reference.determinant_sign[0]) if len(self.loops.unknown) else 1.0
+        return float(self.solver.at_reference.determinant[0][0]) if len(self.loops.unknown) else 1.0
 
 
 def assembly(source: KinematicSolver) -> SolvedAssembly:

@@ -243,7 +243,7 @@ class ContinuationPath(PathStates[E, Q]):
             return None, step if self._approached_change_point(
                 segment, int(sign_changes[0]), direction
             ) else self.control.shrink * step
-        if (index := even_change_point(loops.log_determinant)) is not None and self._approached_change_point(
+        if (index := even_change_point(loops.determinant[1])) is not None and self._approached_change_point(
             segment, index, direction, even=True
         ):
             return None, step

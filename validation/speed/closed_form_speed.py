@@ -3,7 +3,7 @@
 OMP_NUM_THREADS=1 python validation/speed/closed_form_speed.py
 """
 
-import time
+import timeit
 from collections.abc import Callable
 from statistics import median
 
@@ -16,20 +16,8 @@ POSES = 200_000
 TARGETS = {"positions": 5e6, "motion(links=False)": 1e6}
 
 
-def poses_per_second(call: Callable[[], object], repeats: int = 9) -> float:
-    """Return the median over repeats, after one call that fills caches."""
-    call()
-    times = []
-    for _ in range(repeats):
-        start = time.perf_counter()
-        call()
-        times.append(time.perf_counter() - start)
-    return POSES / median(times)
-
-
 def main() -> None:
-    closed_form = catalog.make("rssr")
-    angles = np.linspace(0.0, 2 * np.pi, POSES)
+    closed_form, angles = catalog.make("rssr"), np.linspace(0.0, 2 * np.pi, POSES)
     calls: dict[str, Callable[[], object]] = {
         "positions": lambda: closed_form.positions(angles),
         "motion(links=False)": lambda: closed_form.closed_form.motion(angles, 62.8, links=False),
@@ -37,7 +25,9 @@ def main() -> None:
     }
     for name, call in calls.items():
         target = f", target {TARGETS[name] / 1e6:.0f}" if name in TARGETS else ""
-        print(f"rssr {name}: {poses_per_second(call) / 1e6:.2f} million poses a second{target}")
+        # the first call fills caches
+        seconds = median(timeit.repeat(call, number=1, repeat=10)[1:])
+        print(f"rssr {name}: {POSES / seconds / 1e6:.2f} million poses a second{target}")
 
 
 if __name__ == "__main__":

@@ -13,7 +13,7 @@ import re
 import subprocess
 import sys
 import tempfile
-import time
+import timeit
 from pathlib import Path
 
 import numpy as np
@@ -83,12 +83,7 @@ def numpy_time(solver: CompiledSolver) -> float:
     low, high = solver.code.assembly.interval or (0.0, min(source.period, 2.0 * np.pi))
     inset = 0.02 * (high - low)
     parameter = np.linspace(low + inset, high - inset, 1000)
-    times = []
-    for _ in range(ROUNDS):
-        start = time.perf_counter()
-        loops.solve_along(parameter)
-        times.append(time.perf_counter() - start)
-    return 1e3 * min(times)
+    return 1e3 * min(timeit.repeat(lambda: loops.solve_along(parameter), number=1, repeat=ROUNDS))
 
 
 def study(name: str, folder: Path) -> bool:

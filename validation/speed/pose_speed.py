@@ -23,10 +23,8 @@ ROUNDS = 15
 
 
 def main() -> None:
-    loops = {}
-    for name in NAMES:
-        model = assembled(catalog.make(name).mechanism, Scene(level="pose")).compile()
-        loops[name] = read_loops(model)
+    models = {name: assembled(catalog.make(name).mechanism, Scene(level="pose")).compile() for name in NAMES}
+    loops = {name: read_loops(model) for name, model in models.items()}
     times: dict[tuple[str, int], list[float]] = {(name, n): [] for name in NAMES for n in COUNTS}
     for _ in range(ROUNDS):
         for name, n in times:
@@ -37,10 +35,8 @@ def main() -> None:
             follow.follow(model_loops, start, angles)
             times[name, n].append(time.perf_counter() - begin)
     for (name, n), seconds in times.items():
-        per_pose = [1e6 * time_of_all / n for time_of_all in seconds]
-        print(
-            f"{name:<13} {n:>6} configurations: {median(per_pose):6.2f} us each, at best {min(per_pose):6.2f}"
-        )
+        middle, best = (1e6 * each / n for each in (median(seconds), min(seconds)))
+        print(f"{name:<13} {n:>6} configurations: {middle:6.2f} us each, at best {best:6.2f}")
 
 
 if __name__ == "__main__":

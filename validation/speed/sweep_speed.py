@@ -27,22 +27,18 @@ SWEEPS = (
     # one design at a time, for its own equations of motion
     ("four_bar", 1_000, None, "--vary crank=29mm:35mm --measure max:torque"),
 )
-BILLION, HOUR = 1e9, 3600.0
 
 
 def command_cost(name: str, count: int, options: str) -> tuple[float, float, float]:
     """Return wall and processor time in [s] and the largest memory in [MB] of a command."""
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "out.nc"
-        sample = ["--sample", f"sobol:{count}"]
-        command = ["-m", "mechsim", "sweep", name, *sample, *options.split(), "-o", str(out)]
-        start = time.perf_counter()
-        process = subprocess.Popen(
-            [sys.executable, *command], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
-        )
+        command = f"-m mechsim sweep {name} --sample sobol:{count} {options} -o {out}"
+        nothing, start = subprocess.DEVNULL, time.perf_counter()
+        process = subprocess.Popen([sys.executable, *command.split()], stdout=nothing, stderr=nothing)
         _, status, used = os.wait4(process.pid, 0)
         wall, status = time.perf_counter() - start, status if out.exists() else 1
-        assert status == 0, f"{' '.join(command)} ended with {status}"
+        assert status == 0, f"{command} ended with {status}"
     return wall, used.ru_utime + used.ru_stime, used.ru_maxrss / 1e3
 
 
@@ -52,12 +48,11 @@ def main() -> None:
         count = max(64, round(fraction * full_count))
         load = os.getloadavg()[0]
         wall, cpu, memory = command_cost(name, count, options)
-        per_design = cpu / count
         target_text = f" (target {target * fraction:g} s on two cores)" if target else ""
         print(
             f"{name:<14} {count:>9,} designs: {wall:6.1f} s at a load of {load:.1f}, processor {cpu:6.1f} s"
-            f"{target_text}, {1e6 * per_design:7.1f} us a design, {memory:.0f} MB; 1e9 of them: "
-            f"{BILLION * per_design / HOUR:.3g} core hours",
+            f"{target_text}, {1e6 * cpu / count:7.1f} us a design, {memory:.0f} MB; 1e9 of them: "
+            f"{1e9 * cpu / count / 3600.0:.3g} core hours",
             flush=True,
         )
 

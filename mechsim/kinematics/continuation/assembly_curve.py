@@ -136,21 +136,16 @@ class CurveJoints:
         units = np.where(self.angular > 0.0, 1.0, self.tree.mechanism.characteristic_length)
         for i in np.flatnonzero(np.ptp(values, axis=0) > ROUNDING * units).tolist():
             rising = rates[:, i] > 0.0
+
+            def rate(arc: float, column: int = i) -> float:
+                return float(self.rates.segment_at(arc).value_at(arc)[column])
+
             # the curve is closed: the last sample is followed by the first
             for k in np.flatnonzero(rising != np.roll(rising, -1)).tolist():
-                end = float(grid[k + 1]) if k + 1 < len(grid) else self.traced.length
-                turns.append(
-                    (i, "highest" if rising[k] else "lowest", self._turning_arc(i, float(grid[k]), end))
-                )
+                low, high = float(grid[k]), float(grid[k + 1]) if k + 1 < len(grid) else self.traced.length
+                arc = root(rate, low, high) if rate(low) * rate(high) < 0.0 else high
+                turns.append((i, "highest" if rising[k] else "lowest", arc))
         return turns
-
-    def _turning_arc(self, column: int, low: float, high: float) -> float:
-        """Return the arc between two at which a coordinate has a turning point."""
-
-        def rate(arc: float) -> float:
-            return float(self.rates.segment_at(arc).value_at(arc)[column])
-
-        return root(rate, low, high) if rate(low) * rate(high) < 0.0 else high
 
 
 @dataclass(frozen=True, slots=True)

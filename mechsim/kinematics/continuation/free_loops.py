@@ -295,7 +295,7 @@ class FreeLoops:
             return None
         rates = self.features.rates(system.poses, all_rates(self.loops, along))
         features, least = self.features.values(system.poses), system.smallest_of_all(self.rank)
-        return CorrectedNodes(coordinates, features, rates, along, length, least, system.determinant_sign)
+        return CorrectedNodes(coordinates, features, rates, along, length, least, system.determinant[0])
 
     def corrected(self, solver: TreeSolver, rows: Array, singular: NDArray[np.bool_]) -> LinkPoses:
         """Return the poses of approximate rows corrected to rounding level; singular ones stay unchanged."""

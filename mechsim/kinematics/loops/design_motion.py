@@ -169,7 +169,7 @@ class DesignPaths(LoopPath):
         if self.count == 1:
             return super().accepted(segment, closed, direction)
         step, segments = segment.length, self.segments[direction]
-        signs = closed.linearised.determinant_sign.reshape(-1, self.count)
+        signs = closed.linearised.determinant[0].reshape(-1, self.count)
         # determinants of other equations have other signs
         same_rows = len(segments) > 0 and segments[-1].solver is segment.solver
         sign = np.where(same_rows & (self.sign != 0.0), self.sign, signs[0])

@@ -4,6 +4,7 @@ Pose and legs are written as in `leg_vectors`: points of the plane are complex n
 """
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -135,33 +136,16 @@ def _starts(a: Complex, b: Complex, r: Array) -> tuple[NDArray[np.intp], Complex
 
 def _collect(n: int, problem: NDArray[np.intp], position: Complex, phase: Complex) -> Array:
     """Return the distinct poses of each problem by increasing theta, (n, 6, 3), NaN for missing ones."""
-    theta = np.angle(phase) % (2.0 * np.pi)
-    poses = np.full((n, 6, 3), np.nan)
-    count = np.zeros(n, dtype=np.intp)
-    rank = _rank_within(problem)
-    for round_ in range(int(rank.max(initial=-1)) + 1):
-        now = rank == round_
-        p, x, t = problem[now], position[now], phase[now]
-        distinct = poses[p]
-        with np.errstate(invalid="ignore"):
-            gap = abs(distinct[..., 0] + 1j * distinct[..., 1] - x[:, None])
-            gap = np.maximum(gap, abs(np.exp(1j * distinct[..., 2]) - t[:, None]))
-        new = ~(gap < ROOT_TOLERANCE).any(1) & (count[p] < 6)
-        p = p[new]
-        poses[p, count[p]] = np.stack([x[new].real, x[new].imag, theta[now][new]], -1)
-        count[p] += 1
-    order = np.argsort(poses[..., 2], axis=1)  # NaN last
-    return np.take_along_axis(poses, order[..., None], 1)
-
-
-def _rank_within(problem: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Return for each entry the number of earlier entries with its value."""
-    order = np.argsort(problem, kind="stable")
-    sorted_ = problem[order]
-    first = np.searchsorted(sorted_, sorted_)
-    rank = np.empty_like(problem)
-    rank[order] = np.arange(len(problem)) - first
-    return rank
+    poses, order = np.full((n, 6, 3), np.nan), np.argsort(problem, kind="stable")
+    ends = np.searchsorted(problem[order], np.arange(n + 1))
+    for i, (first, last) in enumerate(pairwise(ends.tolist())):
+        distinct: list[tuple[complex, complex]] = []
+        for x, t in zip(position[order[first:last]], phase[order[first:last]], strict=True):
+            if all(max(abs(x - y), abs(t - other)) >= ROOT_TOLERANCE for y, other in distinct):
+                distinct.append((x, t))
+        rows = sorted((np.angle(t) % (2.0 * np.pi), x.real, x.imag) for x, t in distinct[:6])
+        poses[i, : len(rows)] = np.array(rows).reshape(-1, 3)[:, [1, 2, 0]]
+    return poses
 
 
 Three = Sequence[Any]  # one entry per leg: complex or float, number or array
