@@ -137,13 +137,13 @@ class CurveJoints:
         for i in np.flatnonzero(np.ptp(values, axis=0) > ROUNDING * units).tolist():
             rising = rates[:, i] > 0.0
 
-            def rate(arc: float, column: int = i) -> float:
+            def rate_at(arc: float, column: int = i) -> float:
                 return float(self.rates.segment_at(arc).value_at(arc)[column])
 
             # the curve is closed: the last sample is followed by the first
             for k in np.flatnonzero(rising != np.roll(rising, -1)).tolist():
                 low, high = float(grid[k]), float(grid[k + 1]) if k + 1 < len(grid) else self.traced.length
-                arc = root(rate, low, high) if rate(low) * rate(high) < 0.0 else high
+                arc = root(rate_at, low, high) if rate_at(low) * rate_at(high) < 0.0 else high
                 turns.append((i, "highest" if rising[k] else "lowest", arc))
         return turns
 
