@@ -197,11 +197,15 @@ def _result(
                 "drivers do not determine the motion"
             )
         _print_extents(model, result, quantities)
-        print_comparison(verdict, verbose=verbose)
-        if result.events or result.segments[0].sticking:
+        soft = result.events or result.segments[0].sticking
+        if verdict or not soft:
+            print_comparison(verdict, verbose=verbose)
+        if soft:
             times = [f"{number(s.first)} to {number(s.last)} s" for s in compared_segments(result)]
-            compared = f"not compared with MuJoCo: {SOFT}"
-            print_text(f"compared with MuJoCo in {', '.join(times)}: {SOFT}" if verdict else compared)
+            compared = (
+                f"compared with MuJoCo in {', '.join(times)}" if verdict else "not compared with MuJoCo"
+            )
+            print_text(f"{compared}: {SOFT}")
         print_text("" if drawn else DRAWN)
 
     # a run without a number of turns may come to rest

@@ -54,8 +54,9 @@ ROUNDED_POSES = 64.0
 # multiple of the tolerance of rounding at which the error of the steps is small enough where limits of
 # actuators make forces kinked: there halving a step gains a factor of 2 to 4 instead of 16
 KINKED = 100.0
-# factor on the compliance of MuJoCo's loops in another run, where the tolerance of compliance and rounding is
-# exceeded: the change shows both errors. In planetary_gear on a spring compliance is 6 times a relative 1e-9
+# factor on the compliance of MuJoCo's loops and frictions in another run, where the tolerance of compliance
+# and rounding is exceeded: the change shows both errors. In planetary_gear on a spring compliance is 6 times
+# a relative 1e-9; slides that stick accelerate by up to 4e-4 of what their friction balances
 SOFTER = 10.0
 # largest number of instants at which the forces of a file are balanced, and tolerance of the balance: files
 # state dimensions with six digits
@@ -347,7 +348,7 @@ def _largest_values(
 ) -> dict[str, float]:
     """Return unit -> largest value in a run of all compared points or joints, since one of them may rest.
 
-    Points that all rest on rotating links have the rates of the rotations at a characteristic length [m],
+    Points that all rest on rotating links have the motions of the rotations at a characteristic length [m],
     and links that do not rotate those of their points over it; rotations without acceleration have the
     square of their rates.
     """
@@ -362,7 +363,7 @@ def _largest_values(
     uniform = largest.get("rad/s", 0.0) ** 2
     if largest.get("rad/s2", np.inf) < RESTING * uniform:
         largest["rad/s2"] = uniform
-    for points, rotations in (("m/s", "rad/s"), ("m/s2", "rad/s2")):
+    for points, rotations in (("m", "rad"), ("m/s", "rad/s"), ("m/s2", "rad/s2")):
         rate = length * largest.get(rotations, 0.0)
         rotation = largest.get(points, 0.0) / length
         if points in largest and largest[points] < RESTING * rate:
@@ -477,7 +478,11 @@ def _forward_check(
     reason = (
         f"{error:.1e} {unit} by halving MuJoCo's step to {timestep:.3g} s, and {floor:.1e} {unit} of "
         f"compliance and rounding{'' if unit in COORDINATE_UNITS else ', as in the coordinates'}"
-        + (f"; {compliance_error:.1e} {unit} by loops {SOFTER:g} times softer" if compliance_error else "")
+        + (
+            f"; {compliance_error:.1e} {unit} with {SOFTER:g} times the compliance"
+            if compliance_error
+            else ""
+        )
     )
     tolerance = Tolerance(error + floor + compliance_error, unit, reason)
     check = check_of(name, "", lengths(fine - exact), RecordInstants(times, "s"), tolerance)

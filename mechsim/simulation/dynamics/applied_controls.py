@@ -32,7 +32,9 @@ from mechsim.simulation.velocity_products import (
 )
 
 
-def prepared(model: LoadedModel, settings: Settings, timestep: float, iterations: int) -> ModelLoops:
+def prepared(
+    model: LoadedModel, settings: Settings, timestep: float, iterations: int, softer: float = 1.0
+) -> ModelLoops:
     """Return the loops of a copy of the model for stepping, with stiff loops and without virtual inertia.
 
     Args:
@@ -40,12 +42,13 @@ def prepared(model: LoadedModel, settings: Settings, timestep: float, iterations
         settings: of the integrator and the constraints.
         timestep: in [s].
         iterations: of Newton's method in MuJoCo's constraint solver, with equalities alone.
+        softer: factor on the compliance of dry friction; that of the loops is one of the settings.
     """
     loops = replace(model.loops, model=copy.copy(model.model))
     _weigh_massless(loops.model)
     inertias = loops.model.dof_armature.copy(), loops.model.dof_M0.copy()
     settings.apply(loops, timestep)
-    stiffen_friction(loops.model, timestep, settings.compliance_used)
+    stiffen_friction(loops.model, timestep, settings.compliance_used / softer)
     # a difference would leave the rounding of the virtual drive inertia
     loops.model.dof_armature[:], loops.model.dof_M0[:] = inertias
     loops.model.opt.iterations = max(loops.model.opt.iterations, iterations)

@@ -120,13 +120,13 @@ class Start:
         progress: Progress = no_progress,
         softer: float = 1.0,
     ) -> SteppedRun:
-        """Step the model; see `stepped_run`. `softer` is a factor on the compliance of the loops."""
+        """Step the model; see `stepped_run`. `softer` is a factor on all compliance."""
         timestep = float(times[1] - times[0]) / substeps
         settings = settings or self.settings
         compliant = settings == REDUNDANT
         settings = replace(settings, compliance=softer * settings.compliance_used)
         controls = AppliedControls(
-            self.model, prepared(self.model, settings, timestep, ITERATIONS), prescribed, self.phases
+            self.model, prepared(self.model, settings, timestep, ITERATIONS, softer), prescribed, self.phases
         )
         begin, start = timer.perf_counter(), (self.qpos, self.qvel, self.activation)
         states, activations, diverged = _steps(controls, start, times, substeps, progress)
