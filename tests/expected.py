@@ -1,8 +1,8 @@
 """Expected values as data, in tables of TOML: the path of a value, and what holds for it.
 
 A path names keys, attributes and numbers of a list, joined by dots; `*` stands for all of a list or a
-dictionary. What holds is a value, which the actual one equals, or a table of the conditions below, all of
-which hold.
+dictionary. `expr:` and a formula of paths in braces is its value, element by element. What holds is a value,
+which the actual one equals, or a table of the conditions below, all of which hold.
 """
 
 import re
@@ -13,6 +13,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+
+from mechsim.mechanism.expressions import compiled
 
 PLAIN_MARKERS = {"long": pytest.mark.long, "slow": pytest.mark.slow}
 
@@ -47,6 +49,8 @@ def select(value: Any, path: str) -> Any:
         for key in sorted(map(str, value), key=len, reverse=True):
             if path == key or path.startswith(f"{key}."):
                 return select(value[key], path[len(key) + 1 :])
+    if path.startswith("expr:"):
+        return formula(value, path.removeprefix("expr:"))
     head, _, rest = path.partition(".")
     if head == "*":
         return [select(item, rest) for item in (value.values() if isinstance(value, dict) else value)]
@@ -54,6 +58,13 @@ def select(value: Any, path: str) -> Any:
         return select(value[int(head)], rest)
     assert not isinstance(value, dict), f"no {path} in {[*value]}"
     return select(getattr(value, head), rest)
+
+
+def formula(value: Any, text: str) -> list[float]:
+    """Return a formula of arrays, whose paths are in braces, at each of their elements."""
+    names = {path: f"x{i}" for i, path in enumerate(re.findall(r"{(.*?)}", text))}
+    function = compiled(re.sub(r"{(.*?)}", lambda path: names[path[1]], text), names.values())
+    return function({name: select(value, path) for path, name in names.items()}).tolist()
 
 
 def normalised(text: str) -> str:
@@ -67,6 +78,7 @@ CONDITIONS: dict[str, Callable[[Any, Any], bool]] = {
     "below": lambda value, limit: bool(np.all(np.array(value) < limit)),
     "at_least": lambda value, limit: bool(np.all(np.array(value) >= limit)),
     "at_most": lambda value, limit: bool(np.all(np.array(value) <= limit)),
+    "within": lambda value, limit: bool(np.all(np.abs(value) <= limit)),
     "has": lambda value, items: all(
         (normalised(item) in normalised(value)) if isinstance(value, str) else item in value
         for item in ([items] if isinstance(items, str) else items)
@@ -84,6 +96,7 @@ REDUCTIONS: dict[str, Callable[[Any], Any]] = {
     "sum": sum,
     "rows": lambda columns: len(columns[0]),
     "range": lambda value: float(np.ptp(value)),
+    "unevenness": lambda value: float(np.ptp(np.diff(value))),
 }
 
 

@@ -1,7 +1,8 @@
 """Runs of commands, as tables in `tests/commands/`: what is run on which files, what it prints and writes.
 
 A row with `test` starts a test, by its sentence; rows without one continue it. `why` states the
-reason and the source of the right values. `models/NAME` is a file of `tests/models`.
+reason and the source of the right values. `models/NAME` is a file of `tests/models`, `reference/PATH`
+one of the reference data.
 """
 
 import json
@@ -17,7 +18,9 @@ from model_files import FOLDER, changed_text
 from typed_call import Answer, Call
 
 from mechsim import files
+from mechsim.io import reference_data
 
+FOLDERS = {"models": FOLDER, "reference": reference_data.folder()}
 # words, all of which a text contains, or none; then paths into an output or a table, and expected values
 KEYS = {
     *["test", "why", "markers", "variables", "files", "line", "code", "quiet", "repeats", "written", "absent"]
@@ -89,9 +92,10 @@ def run_rows(
         for name, source in row.get("files", {}).items():
             (folder / name).write_text(changed_text(source), encoding="utf-8", newline="")
         for line in [row["line"]] if isinstance(row["line"], str) else row["line"]:
+            triples = (word.partition("/") for word in shlex.split(line))
             words = [
-                str(FOLDER.parent / word) if word.startswith("models/") else word
-                for word in shlex.split(line)
+                str(FOLDERS[first] / rest) if first in FOLDERS else first + slash + rest
+                for first, slash, rest in triples
             ]
             before = {*folder.iterdir()}
             answer = mechsim(*words)
@@ -114,6 +118,7 @@ def test_a_command_does_what_its_rows_state(rows, mechsim, tmp_path, monkeypatch
         {"texts": {"model.toml": "mechsim cannot write this"}},
         {"json": {"parameters.crank.value": {"is": 0.033, "rel": 1e-3}}},
         {"json": {"parameters.crank.value": {"above": 0.04}}},
+        {"json": {"expr:{parameters.crank.value} - 0.03": {"within": 1e-3}}},
         {"json": {"parametres": 1}},
         {"json": {"parameters.crank.value": {"upto": 0.04}}},
         {"out_lines": {"0": "five_bar"}},
