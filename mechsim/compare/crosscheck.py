@@ -216,12 +216,10 @@ def _conditioning(simulated: Motion, exact: Motion, solver: Solver | None) -> Ar
 def _under_motion_laws(simulated: Motion, motion_laws: MotionLaws) -> Motion:
     """Return the motion of the drivers by their motion laws."""
     assert simulated.time is not None
-    states = dict(
-        zip(motion_laws.drivers, np.moveaxis(np.array(motion_laws.state(simulated.time)), 1, 0), strict=True)
-    )
+    states = zip(motion_laws.drivers, *motion_laws.state(simulated.time), strict=True)
     joints = {
         name: replace(simulated.joints[name], value=value, rate=rate, acceleration=second)
-        for name, (value, rate, second) in states.items()
+        for name, value, rate, second in states
         if name in simulated.drivers
     }
     return replace(simulated, joints={**simulated.joints, **joints})

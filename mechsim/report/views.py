@@ -220,12 +220,9 @@ def hand_grids(
     """
     mechanism = solver.mechanism
     mechanism.require_driver()
-    begin, bounds = {**start, **solver.motion_laws.first}, (-np.inf, np.inf)
-    groups = connected_links(mechanism)
+    begin, groups = {**start, **solver.motion_laws.first}, connected_links(mechanism)
     if len(groups) == 1:
-        return [
-            _hand_grid(solver, name, mechanism, begin, limits.get(name, bounds)) for name in mechanism.drivers
-        ]
+        return [_hand_grid(solver, name, mechanism, begin, limits) for name in mechanism.drivers]
     # only the links that are connected with a driver move with it
     laws = make_motion_laws(mechanism, {name: steady(begin[name], 1.0) for name in mechanism.drivers}, 1.0)
     motion = solve_along(driven_path(mechanism, laws), np.zeros(1), laws.rate, 0.0, laws)
@@ -234,7 +231,7 @@ def hand_grids(
     for name in mechanism.drivers:
         links = next(group for group in groups if {*mechanism.joint_with(name)[0].links} - {GROUND} <= group)
         connected = mechanism_of(mechanism, links, motion)
-        grids.append(with_resting(_hand_grid(solver, name, connected, begin, limits.get(name, bounds)), rest))
+        grids.append(with_resting(_hand_grid(solver, name, connected, begin, limits), rest))
     return grids
 
 
@@ -278,7 +275,7 @@ def _hand_grid(
     moved: str,
     mechanism: Mechanism,
     start: Mapping[str, float],
-    limits: tuple[float, float],
+    limits: Mapping[str, tuple[float, float]],
 ) -> PoseGrid:
     """Return the poses over one driver of a mechanism, the others where they start.
 
@@ -294,7 +291,8 @@ def _hand_grid(
     states = {driver: steady(start[driver], 1.0 if driver == moved else 0.0) for driver in mechanism.drivers}
     laws = make_motion_laws(mechanism, states, 1.0)
     path = driven_path(mechanism, laws)
-    low, high = max(middle - reach, limits[0]), min(middle + reach, limits[1])
+    least, most = limits.get(moved, (-np.inf, np.inf))
+    low, high = max(middle - reach, least), min(middle + reach, most)
     ends = [(end - start[moved]) * laws.rate for end in (low, high)]
     parameter = np.linspace(_reached(path, -1, ends[0]), _reached(path, 1, ends[1]), SAMPLES + 1)
     motion = solve_along(path, parameter, laws.rate, 0.0, laws)

@@ -94,10 +94,10 @@ class ClosedModel:
         return self.loops.posed.site_positions(states)[:, sites]
 
     @property
-    def driven_points(self) -> tuple[str, ...]:
-        """The tracked points that the drivers determine; all points if none is determined."""
-        is_determined = zip(self.track.points, self.undetermined_points, strict=True)
-        return tuple(name for name, loose in is_determined if not loose) or self.track.points
+    def driven_points(self) -> NDArray[np.bool_]:
+        """Mask of the tracked points that the drivers determine, (k,); all points if none is determined."""
+        undetermined = self.undetermined_points
+        return undetermined if undetermined.all() else ~undetermined
 
     @cached_property
     def undetermined_points(self) -> NDArray[np.bool_]:

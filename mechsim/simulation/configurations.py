@@ -62,7 +62,7 @@ def lag_distance(closed: ClosedModel, motion: Motion, angles: Array) -> float:
         angles: prescribed values of the crank or the path parameter at these instants, (n,) in [rad].
     """
     target = closed.point_positions(follow.follow(closed.loops, closed.qpos, angles))
-    driven = _is_driven(closed)
+    driven = closed.driven_points
     return float(_distances(_recorded(motion)[:, driven], target[:, driven]).max())
 
 
@@ -79,7 +79,7 @@ def in_another_assembly(
         positions: positions from `pose_errors`.
     """
     count, recorded = len(positions), _recorded(motion)
-    stroke = float(np.ptp(positions[:, _is_driven(closed)], axis=0).max())
+    stroke = float(np.ptp(positions[:, closed.driven_points], axis=0).max())
     rounding = ROUNDING * closed.loops.characteristic_length
     distant = error[:count] > max(MIN_SEPARATION * 0.5 * stroke, rounding)
     pairs = np.flatnonzero(distant[1:] & distant[:-1])
@@ -123,11 +123,6 @@ def _distances(recorded: Array, positions: Array) -> Array:
     """Return the largest distance of points (n, k, 3) from reference positions, (n,); NaN is infinite."""
     gaps = np.sqrt(((recorded - positions) ** 2).sum(-1)).max(1, initial=0.0)
     return np.where(np.isfinite(gaps), gaps, np.inf)
-
-
-def _is_driven(closed: ClosedModel) -> list[bool]:
-    """Return for each tracked point whether the drivers move it."""
-    return [name in closed.driven_points for name in closed.track.points]
 
 
 def _recorded(motion: Motion) -> Array:

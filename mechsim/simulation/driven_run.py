@@ -3,6 +3,7 @@
 import copy
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import compress
 from time import perf_counter
 
 import mujoco
@@ -241,9 +242,8 @@ class DrivenRun:
         """Return the largest position error in each revolution, (turns,) in [m]; inf on failure."""
         steps, motion = self._stepped(settings)
         turns = max(1, round(self.profile.turns))
-        if self._failure(steps, motion):
-            return np.full(turns, np.inf)
-        errors, _ = pose_errors(self.closed, motion, steps.states.qpos)
+        failure = self._failure(steps, motion)
+        errors = np.full(1, np.inf) if failure else pose_errors(self.closed, motion, steps.states.qpos)[0]
         if not np.isfinite(errors).all():
             return np.full(turns, np.inf)
         index = np.minimum(turns * steps.states.time // (self.profile.duration * (1.0 + 1e-9)), turns - 1)
@@ -352,7 +352,8 @@ def first_state(closed: ClosedModel, profile: CrankProfile) -> tuple[Array, Arra
 
 def default_tolerance(closed: ClosedModel, motion: Motion) -> float:
     """Return the default position tolerance of a motion, in [m]."""
-    extent = half_extent(motion.points[name].position for name in closed.driven_points)
+    names = compress(closed.track.points, closed.driven_points)
+    extent = half_extent(motion.points[name].position for name in names)
     return max(POSITION_TOLERANCE * extent, CLOSED_ERROR * closed.loops.characteristic_length)
 
 

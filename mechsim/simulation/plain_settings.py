@@ -35,11 +35,14 @@ ALLOWABLE = {
     "springs": "spring",
 }
 OPTIONS = ("timestep", "integrator", "solver", "iterations", "ls_iterations", "tolerance", "jacobian")
-# option with named values -> prefix, enumeration and names
-_ENUMERATIONS: dict[str, tuple[str, Any, tuple[str, ...]]] = {
-    "integrator": ("mjINT_", mujoco.mjtIntegrator, INTEGRATORS),
-    "solver": ("mjSOL_", mujoco.mjtSolver, SOLVERS),
-    "jacobian": ("mjJAC_", mujoco.mjtJacobian, JACOBIANS),
+# option with named values -> name -> number
+NUMBERS: dict[str, dict[str, int]] = {
+    name: {word: int(getattr(kind, prefix + word.upper())) for word in words}
+    for name, prefix, kind, words in (
+        ("integrator", "mjINT_", mujoco.mjtIntegrator, INTEGRATORS),
+        ("solver", "mjSOL_", mujoco.mjtSolver, SOLVERS),
+        ("jacobian", "mjJAC_", mujoco.mjtJacobian, JACOBIANS),
+    )
 }
 # highest impedance that MuJoCo accepts
 LOWEST_COMPLIANCE_SOLIMP = (0.9999, 0.9999, 0.001, 0.5, 2.0)
@@ -132,7 +135,8 @@ class PlainSettings:
         for name in OPTIONS:
             value = getattr(self, name)
             if value is not None:
-                setattr(option, name, type(getattr(option, name))(_number(name, value)))
+                value = NUMBERS[name][value] if name in NUMBERS else value
+                setattr(option, name, type(getattr(option, name))(value))
         for name, (bit, off) in FLAGS.items():
             on = getattr(self, name)
             if on is not None:
@@ -164,16 +168,8 @@ def settings_of(model: mujoco.MjModel) -> PlainSettings:
     return PlainSettings(**settings)
 
 
-def _number(name: str, value: Any) -> Any:
-    if name not in _ENUMERATIONS:
-        return value
-    prefix, kind, _ = _ENUMERATIONS[name]
-    return int(getattr(kind, prefix + str(value).upper()))
-
-
 def option_value(name: str, value: Any) -> Any:
     """Return the value of an option in MuJoCo as that of a setting: a name or a number."""
-    if name not in _ENUMERATIONS:
+    if name not in NUMBERS:
         return int(value) if isinstance(value, int | np.integer) else float(value)
-    prefix, kind, words = _ENUMERATIONS[name]
-    return next(word for word in words if int(getattr(kind, prefix + word.upper())) == int(value))
+    return next(word for word, own in NUMBERS[name].items() if own == int(value))

@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.mechanism.limits import require_steps
+from mechsim.mechanism.limits import MAX_STEPS, require_steps
 from mechsim.mechanism.mechanism import Mechanism, starting_at
 from mechsim.mechanism.motion_laws import CRANK, CrankProfile, MotionLaws, constant
 from mechsim.mechanism.scene import Scene
-from mechsim.numerics.arrays import number, require, units_remedy
+from mechsim.numerics.arrays import REVOLUTION, number, require, units_remedy
 from mechsim.numerics.resources import ProcessorBudget, Progress, no_progress
 from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.custom_model import at_initial_state, parameter_profile
@@ -29,9 +29,11 @@ from mechsim.simulation.position_tolerance import run_within
 from mechsim.simulation.result import Method, Run
 from mechsim.simulation.settings import Settings
 from mechsim.simulation.source import Source, from_source
-from mechsim.simulation.stepping import check_step, require_steps_resolve
+from mechsim.simulation.stepping import require_steps_resolve
 from mechsim.units import si
 
+# argument of `simulate` -> its type
+KINDS = {"scene": Scene, "settings": Settings, "profile": CrankProfile, "motion_laws": MotionLaws}
 # fraction of a step by which a duration may differ from a multiple of the step
 WHOLE_STEP_TOLERANCE = 1e-6
 
@@ -49,8 +51,12 @@ def with_timestep(run: DrivenRun, settings: Settings, timestep: float) -> tuple[
     Raises:
         InputError: for a step that is too long or too short for the motion, or that does not fit the records.
     """
-    profile, laws = run.profile, run.closed.loops.drivers is not None
-    steps = check_step(timestep, profile, "a cycle of the motion laws" if laws else "a turn of the crank")
+    profile, period = run.profile, REVOLUTION / run.profile.max_speed
+    longest, shortest = period / 4.0, period / MAX_STEPS
+    if not shortest <= timestep <= longest:
+        limit = f"{longest:.3g} s at the most" if timestep > longest else f"{shortest:.3g} s at the least"
+        cycle = "a turn of the crank" if run.closed.loops.drivers is None else "a cycle of the motion laws"
+        raise InputError(f"time step is {timestep:g} s, but {cycle} takes {period:.6g} s; take {limit}")
     total = int(np.floor(profile.duration / timestep + WHOLE_STEP_TOLERANCE))
     require_steps(
         f"a motion of {profile.duration:g} s in steps of {timestep:g} s", total, "take longer steps"
@@ -78,7 +84,7 @@ def with_timestep(run: DrivenRun, settings: Settings, timestep: float) -> tuple[
     if profile.duration - end > WHOLE_STEP_TOLERANCE * timestep:
         note = f"the run ends at {end:.9g} s, with the last whole step within {profile.duration:.9g} s"
     fixed = replace(run, profile=replace(profile, duration=end), total=total, ending=note)
-    return fixed, replace(settings, steps_per_turn=steps)
+    return fixed, replace(settings, steps_per_turn=int(np.ceil(period / timestep - 1e-9)))
 
 
 @quiet()
@@ -145,7 +151,10 @@ def simulate(
     speed, tolerance = si(speed, "rad/s", "the crank speed"), si(tolerance, "m", "the tolerance")
     timestep = si(timestep, "s", "the time step")
     _check(tolerance, method, samples, timestep)
-    _require_kinds(scene=scene, settings=settings, profile=profile, motion_laws=motion_laws)
+    options = {"scene": scene, "settings": settings, "profile": profile, "motion_laws": motion_laws}
+    for name, option in options.items():
+        if option is not None:
+            require(name, option, KINDS[name])
     crank_motion = speed if profile is None else profile
     motion_laws = laws_of(source, motion_laws, crank_motion)
     require_motion_laws(source, motion_laws, crank_motion)
@@ -159,13 +168,21 @@ def simulate(
     check_records(closed, profile, samples)
     if method is None and (tolerance is not None or settings is not None or timestep is not None):
         method = "step"
-    closed, method, determined = _movable(closed, method, motion_laws)
+    mobility = residual_mobility(closed)
+    # a model with undetermined degrees of freedom is stepped
+    method = method or ("step" if mobility.undetermined else "pose")
+    require_movable(closed, mobility)
+    if method == "pose":
+        require_determined(closed, mobility)
+    else:
+        closed = closed.without_contacts(mobility.determined_bodies)
+    closed = closed if motion_laws.crank else at_initial_state(closed, motion_laws)
     if method == "pose":
         return solved_run(closed, profile, samples, tolerance, progress or no_progress)
     require_steps_resolve(motion_laws)
     start = first_state(closed, profile)
     require_within_limits(closed, start[0][None])
-    if determined:
+    if not mobility.undetermined:
         require_path_within_limits(closed, profile.angles)
     run = DrivenRun(closed, profile, start, samples, progress or no_progress, budget=budget)
     run.require_decided()
@@ -182,17 +199,6 @@ def _profile(closed: ClosedModel, motion_laws: MotionLaws, speed: float | None, 
     if speed is None:
         raise InputError("neither a crank speed nor a profile was given; give one")
     return constant(speed, turns, closed.angle)
-
-
-# argument of `simulate` -> its type
-KINDS = {"scene": Scene, "settings": Settings, "profile": CrankProfile, "motion_laws": MotionLaws}
-
-
-def _require_kinds(**options: object) -> None:
-    """Reject arguments of a wrong type."""
-    for name, value in options.items():
-        if value is not None:
-            require(name, value, KINDS[name])
 
 
 def _check(
@@ -212,27 +218,6 @@ def _check(
         raise InputError(f"there is no method {method!r}; choose from step, pose")
     if samples is not None and not (number(samples) >= 1 and number(samples) % 1 == 0):
         raise InputError(f"{samples} samples requested; take a whole number, at least 1")
-
-
-def _movable(
-    closed: ClosedModel, method: Method | None, motion_laws: MotionLaws
-) -> tuple[ClosedModel, Method, bool]:
-    """Return a model at the start of its motion, the method, and whether the drivers determine all poses.
-
-    A model with undetermined degrees of freedom is stepped.
-
-    Raises:
-        MobilityError: if the drivers cannot move, or do not determine the requested poses.
-    """
-    mobility = residual_mobility(closed)
-    method = method or ("step" if mobility.undetermined else "pose")
-    require_movable(closed, mobility)
-    if method == "pose":
-        require_determined(closed, mobility)
-    if method == "step":
-        closed = closed.without_contacts(mobility.determined_bodies)
-    closed = closed if motion_laws.crank else at_initial_state(closed, motion_laws)
-    return closed, method, not mobility.undetermined
 
 
 def laws_of(source: object, motion_laws: MotionLaws | None, crank_motion: object) -> MotionLaws:

@@ -90,6 +90,7 @@ def check_setting(name: str, value: Any, rule: Mapping[str, Any]) -> None:
 
 
 JACOBIANS = ("auto", *KINDS)
+PLAIN_NAMES = {item.name for item in fields(PlainSettings)}
 # time constant of the constraints, in steps, below which stepping oscillates
 LEAST_CONSTANT = 10.0
 
@@ -239,26 +240,29 @@ class Settings:
         # unless forces depend on the state, so that `discrete` solves equations iteratively
         springy = model.nu or model.ntendon or model.dof_damping.any() or model.jnt_stiffness.any()
         exact = equalities and not (self.integrator == "discrete" and springy)
-        PlainSettings(
-            timestep=timestep,
-            integrator=self.integrator,
-            solver=self.solver or "Newton",
-            iterations=self.iterations or (1 if exact else max(model.opt.iterations, ITERATIONS)),
-            ls_iterations=self.ls_iterations,
+        constant = self.constant * timestep
+        solref = constant, 1.0
+        if constant**2 <= 1e-12 and not self.refsafe:
+            # MuJoCo needs stiffness and damping instead of time constant and damping ratio
+            solref = -1.0 / constant**2, -2.0 / constant
+        plain: dict[str, Any] = {name: value for name, value in self.as_dict().items() if name in PLAIN_NAMES}
+        plain |= {
+            "timestep": timestep,
+            "solver": self.solver or "Newton",
+            "iterations": self.iterations or (1 if exact else max(model.opt.iterations, ITERATIONS)),
             # relative to the virtual inertia a remaining gradient is always small
-            tolerance=self.residual or 0.0,
-            solref=self.solref or self._solref(timestep, self.constant),
-            solimp=self.solimp,
-            refsafe=self.refsafe,
-            eulerdamp=self.eulerdamp,
-            island=self.island,
-            diagexact=self.diagexact,
-            sensor=False,
-            compliance=self.compliance_used,
-        ).set_in(model)
+            "tolerance": self.residual or 0.0,
+            "solref": self.solref or solref,
+            "sensor": False,
+            "compliance": self.compliance_used,
+        }
+        PlainSettings(**plain).set_in(model)
         # noslip recomputes accelerations from forces, whose rounding is divided by the small compliance
         model.opt.noslip_iterations = 0
-        model.tendon_invweight0[_coupled_tendons(model, loops)] *= self.compliance_used
+        rows = [row.equality for row in (*loops.couplings, *loops.rods)]
+        tendons = [i for i in rows if model.eq_type[i] == int(mujoco.mjtEq.mjEQ_TENDON)]
+        ends = np.unique([model.eq_obj1id[tendons], model.eq_obj2id[tendons]])
+        model.tendon_invweight0[ends[ends >= 0]] *= self.compliance_used
         # a light body of a chain of slides would make its constraint softer than the loops
         virtual = [i for i in range(model.nbody) if model.body(i).name.startswith(VIRTUAL_PREFIX)]
         others = np.delete(model.body_invweight0, virtual, 0)
@@ -270,13 +274,6 @@ class Settings:
             used = replace(used, jacobian=faster_matrices(model) if equalities else "dense")
         model.opt.jacobian = KINDS["sparse" if used.jacobian == "sparse" else "dense"]
         return used
-
-    def _solref(self, timestep: float, steps: float) -> tuple[float, float]:
-        """Return the time constant and damping ratio, or stiffness and damping where MuJoCo needs these."""
-        constant = steps * timestep
-        if constant**2 > 1e-12 or self.refsafe:
-            return constant, 1.0
-        return -1.0 / constant**2, -2.0 / constant
 
     def as_dict(self) -> dict[str, Any]:
         """Return the settings as plain data."""
@@ -380,8 +377,8 @@ def plain_settings(
         if "solref" in values:
             raise InputError("both constant_steps and solref were given; give only one")
         values["solref"] = values["constant_steps"] * (step or file_timestep), 1.0
-    names = {field.name for field in fields(PlainSettings)} & {*values}
-    return PlainSettings(timestep=step, **{name: values[name] for name in names})
+    plain = {name: value for name, value in values.items() if name in PLAIN_NAMES}
+    return PlainSettings(timestep=step, **plain)
 
 
 def set_armature(model: mujoco.MjModel, dofs: NDArray[np.int64], armature: float | Array) -> None:
@@ -403,10 +400,3 @@ def drive_inertia(loops: ModelLoops, compliance: float) -> float:
     model, length = loops.model, loops.characteristic_length
     inertia = float(model.body_mass.sum() * length**2 + model.body_inertia.max(-1).sum())
     return DRIVE_INERTIA_RATIO * max(1.0, COMPLIANCE / compliance) * inertia
-
-
-def _coupled_tendons(model: mujoco.MjModel, loops: ModelLoops) -> list[int]:
-    """Return the tendons of a model's couplings."""
-    numbers = [row.equality for row in (*loops.couplings, *loops.rods)]
-    ends = [i for i in numbers if model.eq_type[i] == int(mujoco.mjtEq.mjEQ_TENDON)]
-    return sorted({int(end) for i in ends for end in (model.eq_obj1id[i], model.eq_obj2id[i]) if end >= 0})

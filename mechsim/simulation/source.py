@@ -114,7 +114,6 @@ def from_mechanism(
     mechanism: Mechanism, spec: mujoco.MjSpec, points: tuple[str, ...], *, follows_laws: bool
 ) -> ClosedModel:
     """Return the model generated from a mechanism; `follows_laws` if its drivers follow motion laws."""
-    names = tuple(model_names(mechanism)[name] for name in mechanism.drivers) if follows_laws else CRANK
     # joint of the model -> coordinate and its index in the joint; a single crank is named "crank"
     name_of = model_names(mechanism)
     called: dict[str, tuple[str, int | None]] = {
@@ -124,7 +123,8 @@ def from_mechanism(
         if name in name_of
     }
     named = called if follows_laws else called | {CRANK: (CRANK, None)}
-    closed = from_spec(spec, points, names, coordinates=named, laws=mechanism.named_laws)
+    drivers = tuple(name_of[name] for name in mechanism.drivers) if follows_laws else CRANK
+    closed = from_spec(spec, points, drivers, coordinates=named, laws=mechanism.named_laws)
     hidden = frozenset(closed.track.links) - {link.name for link in mechanism.links}
     return replace(closed, track=replace(closed.track, hidden=hidden))
 
@@ -180,14 +180,11 @@ def initial_guess(mechanism: Mechanism, scene: Scene) -> tuple[ModelLoops, Array
     The loops are not closed in that state.
     """
     spec = generate(mechanism, scene, guessed_poses(mechanism))
-    if mechanism.has_crank:
-        loops = closed_loops(spec, CRANK, mechanism.named_laws)
-        guess = loops.model.qpos0.copy()
+    loops = closed_loops(spec, CRANK if mechanism.has_crank else mechanism.drivers, mechanism.named_laws)
+    guess = loops.model.qpos0.copy()
+    if loops.drivers is None:
         guess[loops.crank_address] = mechanism.start
         return loops, guess
-    loops = closed_loops(spec, mechanism.drivers, mechanism.named_laws)
-    assert loops.drivers is not None
-    guess = loops.model.qpos0.copy()
     for name, address in zip(loops.drivers.names, loops.drivers.addresses, strict=True):
         guess[address] = mechanism.guess_coordinates.get(name, guess[address])
     return replace(loops, drivers=loops.drivers.locked_at(guess[loops.drivers.addresses])), guess

@@ -10,7 +10,6 @@ from mujoco import batch
 from numpy.typing import NDArray
 
 from mechsim.errors import InputError
-from mechsim.mechanism.limits import MAX_STEPS
 from mechsim.mechanism.motion_laws import CrankProfile, MotionLaws
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.resources import Progress, no_progress, require_memory
@@ -117,7 +116,15 @@ def step(
     used = settings.apply(loops, timestep)
     torque = None
     if driven:
-        _add_drive_inertia(loops)
+        # the crank's virtual inertia on all driven DOFs; on a slide the mass that has this inertia at the
+        # distance of the characteristic length
+        model, inertia = loops.model, loops.model.dof_armature[loops.crank]
+        slides = model.jnt_type[model.dof_jntid[moved]] == SLIDE
+        set_armature(model, moved, np.where(slides, inertia / loops.characteristic_length**2, inertia))
+        # MuJoCo scales the compliance of couplings by these
+        model.dof_invweight0[moved] = 1.0 / model.dof_armature[moved]
+        model.eq_active0[list(kept)] = 0
+        rescale_coupled_tendons(loops, model)
         # the force on each driver over each step, (steps, drivers) in [N m] or [N]
         angle, speed, _ = profile.state(timestep * np.arange(total + 1.0))
         rates = recording.actuated_rates(loops, angle, speed)
@@ -237,19 +244,6 @@ def _renewed_rollout(
     return Steps(timestep, numbers, states, int(numbers[-1]), *spent, diverged)
 
 
-def _add_drive_inertia(loops: ModelLoops) -> None:
-    """Set the crank's virtual inertia on all driven DOFs; disable the constraints of nonlinear followers."""
-    model, moved = loops.model, recording.actuated_dofs(loops)
-    inertia = model.dof_armature[loops.crank]
-    # on a slide: the mass that has this inertia at the distance of the characteristic length
-    slides = model.jnt_type[model.dof_jntid[moved]] == SLIDE
-    set_armature(model, moved, np.where(slides, inertia / loops.characteristic_length**2, inertia))
-    # MuJoCo scales the compliance of couplings by these
-    model.dof_invweight0[moved] = 1.0 / model.dof_armature[moved]
-    model.eq_active0[[coupling.equality for coupling in recording.followers(loops)]] = 0
-    rescale_coupled_tendons(loops, model)
-
-
 def functions_in_loops(loops: ModelLoops) -> list[str]:
     """Return the couplings by functions of coordinates that do not follow from the drivers alone.
 
@@ -287,19 +281,3 @@ def rescale_coupled_tendons(loops: ModelLoops, model: mujoco.MjModel) -> None:
         for tendon, side in zip(ends, (coupling.left, coupling.right), strict=True):
             if side is not None:
                 model.tendon_invweight0[tendon] = float(side.weights**2 @ weights[side.dofs])
-
-
-def check_step(timestep: float, profile: CrankProfile, cycle: str) -> int:
-    """Return the steps per revolution of a time step; reject one that is too large or too small.
-
-    Args:
-        timestep: in [s], above 0.
-        profile: of the crank, or of the path parameter of motion laws.
-        cycle: name of a revolution of the profile, for messages.
-    """
-    period = 2.0 * np.pi / profile.max_speed
-    longest, shortest = period / 4.0, period / MAX_STEPS
-    if not shortest <= timestep <= longest:
-        limit = f"{longest:.3g} s at the most" if timestep > longest else f"{shortest:.3g} s at the least"
-        raise InputError(f"time step is {timestep:g} s, but {cycle} takes {period:.6g} s; take {limit}")
-    return int(np.ceil(period / timestep - 1e-9))

@@ -14,7 +14,7 @@ from mechsim.simulation.custom_model import from_file
 from mechsim.simulation.equality_rows import coincident_frames
 from mechsim.simulation.findings.inspected import RANK_TOLERANCE, Inspected, Loop, loop_rank, null_space
 from mechsim.simulation.mjcf_reader.equality_constraints import CONNECT, WELD
-from mechsim.simulation.mjcf_reader.fixed_bodies import free_bodies
+from mechsim.simulation.mjcf_reader.fixed_bodies import free_joints
 from mechsim.simulation.mobility import residual_mobility
 from mechsim.simulation.state import BALL, scalar_joints
 
@@ -157,7 +157,7 @@ def undetermined(scene: Inspected) -> Iterator[Finding]:
         count, names = _representative_joints(scene, balls=True)
     more = f" and {len(names) - MAX_LISTED} more" if len(names) > MAX_LISTED else ""
     listed = ", ".join(names[:MAX_LISTED]) + more
-    floats = " or --fix-base" if free_bodies(model) else ""
+    floats = " or --fix-base" if free_joints(model) else ""
     yield Finding(
         kind="open",
         object=listed,

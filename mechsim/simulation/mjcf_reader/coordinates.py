@@ -48,14 +48,13 @@ def require_coordinate(model: mujoco.MjModel, name: str, what: str) -> None:
     if name not in names:
         kinds = {model.joint(j).name: int(model.jnt_type[j]) for j in range(model.njnt)}
         lock = f"hold it where it starts with --lock {name}"
-        if kinds.get(name) == FREE:
-            message = f"a free joint, which no one value places; {lock} or --fix-base"
-            raise InputError(f"{what} names {name!r}, {message}")
-        if kinds.get(name) == BALL:
-            message = (
-                f"a ball joint, which no one value turns; {lock}, or write three hinges across each other"
-            )
-            raise InputError(f"{what} names {name!r}, {message} in its place and name them")
+        problems = {
+            FREE: f"a free joint, which no one value places; {lock} or --fix-base",
+            BALL: f"a ball joint, which no one value turns; {lock}, or write three hinges across each other "
+            "in its place and name them",
+        }
+        if problem := problems.get(kinds.get(name, -1)):
+            raise InputError(f"{what} names {name!r}, {problem}")
         raise InputError(
             f"{what} names {name!r}{did_you_mean(name, names)}; "
             f"hinges and slides of the model are {listed(names)}"

@@ -30,8 +30,12 @@ _ELEMENT = re.compile(r" Element (?:name )?('[^']*')")
 def readable_error(path: str, error: Exception) -> InputError:
     """Return MuJoCo's error about a file in one line: file, line and message."""
     text = " ".join(str(error).split())
-    if "XML parse error" in text and (ill_formed := _ill_formed(path)):
-        return ill_formed
+    if "XML parse error" in text:
+        try:
+            with open(path, "rb") as file:
+                expat.ParserCreate().ParseFile(file)
+        except expat.ExpatError as cause:
+            return ill_formed(path, cause)
     line = _LINE.search(text)
     location = f"{path}, line {line[1]}" if line and int(line[1]) else path
     if include := _NOT_INCLUDED.search(text):
@@ -48,16 +52,6 @@ def readable_error(path: str, error: Exception) -> InputError:
     message = cut(_ELEMENT.sub(r" (element \1)", message), MAX_SHOWN)
     remedy = "take the plugin out of a copy" if _PLUGIN.search(message) else "correct the file"
     return InputError(f"{location}: MuJoCo refuses it: {message}; {remedy}")
-
-
-def _ill_formed(path: str) -> InputError | None:
-    """Return the position and cause of an XML error; None if the file is well-formed."""
-    try:
-        with open(path, "rb") as file:
-            expat.ParserCreate().ParseFile(file)
-    except expat.ExpatError as error:
-        return ill_formed(path, error)
-    return None
 
 
 def ill_formed(path: str, error: expat.ExpatError) -> InputError:

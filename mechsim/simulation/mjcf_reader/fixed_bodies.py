@@ -17,11 +17,6 @@ from mechsim.simulation.state import BALL, FREE, is_disabled, rotation_matrix
 COORDINATES = {FREE: 7, BALL: 4}
 
 
-def free_bodies(model: mujoco.MjModel) -> list[str]:
-    """Return the names of the bodies with free joints."""
-    return [model.body(model.jnt_bodyid[j]).name for j in free_joints(model)]
-
-
 def free_joints(model: mujoco.MjModel) -> tuple[int, ...]:
     """Return the indices of the free joints of a model."""
     return tuple(np.flatnonzero(model.jnt_type == FREE).tolist())

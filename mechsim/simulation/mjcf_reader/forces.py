@@ -79,7 +79,15 @@ def forces_of_model(
         friction=every(Friction),
         springs=every(Spring),
         joint_springs=every(JointSpring),
-        loads=tuple(_gravity_compensation(model, carriers)),
+        # compensation of a share of the weights at the centres of mass
+        loads=tuple(
+            Load(
+                (carriers[body].link, carriers[body].point(model.body_ipos[body])),
+                constant(-model.body_gravcomp[body] * model.body_mass[body] * gravity(model)),
+            )
+            for body in np.flatnonzero(model.body_gravcomp).tolist()
+            if carriers[body].link != GROUND
+        ),
         nonlinear_springs=tuple(element for element in elements if hasattr(element, "law")),
         actuators=every(Actuator),
         armature={
@@ -170,14 +178,6 @@ def _in_tendon(model: mujoco.MjModel, t: int, line: Line | None, locked: Contain
     stretch = f"(max(l-{high!r},0)+min(l-{low!r},0))" if low != high else f"(l-{low!r})"
     text = f"{stiffness!r}*{stretch} + {_text(stretch, *powers)}"
     return _nonlinear(line, name, damping=damping, text=text)
-
-
-def _gravity_compensation(model: mujoco.MjModel, carriers: Sequence[Carrier]) -> Iterator[Load]:
-    """Yield the forces at centres of mass that compensate a share of their weights."""
-    for body in np.flatnonzero(model.body_gravcomp).tolist():
-        if carriers[body].link != GROUND:
-            force = -model.body_gravcomp[body] * model.body_mass[body] * gravity(model)
-            yield Load((carriers[body].link, carriers[body].point(model.body_ipos[body])), constant(force))
 
 
 def _acting(

@@ -25,12 +25,7 @@ from mechsim.simulation.mjcf_reader.coordinates import (
 )
 from mechsim.simulation.mjcf_reader.equality_constraints import equalities
 from mechsim.simulation.mjcf_reader.file_errors import readable_error, require_numbers
-from mechsim.simulation.mjcf_reader.fixed_bodies import (
-    COORDINATES,
-    fix_bodies,
-    free_bodies,
-    free_joints,
-)
+from mechsim.simulation.mjcf_reader.fixed_bodies import COORDINATES, fix_bodies, free_joints
 from mechsim.simulation.mjcf_reader.forces import forces_of_model
 from mechsim.simulation.mjcf_reader.kinematic_tree import (
     KinematicTree,
@@ -72,19 +67,16 @@ def with_outlines(model: mujoco.MjModel, chain: KinematicTree) -> tuple[Link, ..
     outlines = {link.name: list[Vector]() for link in chain.links}
     for body, carrier in enumerate(chain.carriers):
         if carrier.link in outlines:
-            points = (model.body_ipos[body], *_corners(model, body))
+            points = [model.body_ipos[body]]
+            # two opposite corners of the bounding box of each geom
+            for geom in np.flatnonzero(model.geom_bodyid == body):
+                rotation = rotation_matrix(model.geom_quat[geom])
+                centre, half = np.split(model.geom_aabb[geom], 2)
+                points += [
+                    model.geom_pos[geom] + rotation @ corner for corner in (centre - half, centre + half)
+                ]
             outlines[carrier.link] += [carrier.point(point) for point in points]
     return tuple(Link(link.name, tuple(outlines[link.name])) for link in chain.links)
-
-
-def _corners(model: mujoco.MjModel, body: int) -> list[Array]:
-    """Return two opposite corners of the bounding box of each geom of a body, in the body's frame."""
-    corners: list[Array] = []
-    for geom in np.flatnonzero(model.geom_bodyid == body):
-        rotation = rotation_matrix(model.geom_quat[geom])
-        centre, half = np.split(model.geom_aabb[geom], 2)
-        corners += [model.geom_pos[geom] + rotation @ corner for corner in (centre - half, centre + half)]
-    return corners
 
 
 # kind of element, its range, and the attribute that activates the range
@@ -141,7 +133,7 @@ def read_model(
     keyframes = tuple(key_.name for key_ in spec.keys if key_.name)
     for key_ in list(spec.keys):  # keyframes do not fit a model with added elements
         spec.delete(key_)
-    if fix_base and not free_bodies(model):
+    if fix_base and not free_joints(model):
         raise InputError(f"{path}: no body has a free joint; leave out --fix-base")
     spins = {name: value for name, value in (lock or {}).items() if isinstance(value, tuple)}
     locks = {name: value for name, value in (lock or {}).items() if not isinstance(value, tuple)}

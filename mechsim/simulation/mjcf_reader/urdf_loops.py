@@ -25,9 +25,6 @@ from mechsim.simulation.mjcf_reader.urdf_tree import (
     LoopClosure,
     UrdfTree,
     child_of,
-    named_frame,
-    numbers_of,
-    pose_of,
     read_urdf,
     rotation_of,
 )
@@ -67,7 +64,7 @@ def _second_parents(tree: UrdfTree) -> Iterator[LoopClosure]:
         if joint.get("type") == "floating":
             continue
         parent, child = (tree.link_of(child_of(joint, side), name) for side in ("parent", "child"))
-        yield _closure(tree, joint, pose_of(tree, parent, joint.find("origin")), Frame(child))
+        yield _closure(tree, joint, tree.pose_of(parent, joint.find("origin")), Frame(child))
 
 
 def _urdf_plus(tree: UrdfTree) -> Iterator[LoopClosure]:
@@ -80,7 +77,7 @@ def _urdf_plus(tree: UrdfTree) -> Iterator[LoopClosure]:
                     f"loop {loop.get('name')!r} lacks one of predecessor and successor; give both"
                 )
             link = tree.link_of(side, loop.get("name", ""))
-            frames.append(pose_of(tree, link, side.find("origin")))
+            frames.append(tree.pose_of(link, side.find("origin")))
         yield _closure(tree, loop, frames[0], frames[1])
 
 
@@ -103,7 +100,7 @@ def _add_couplings(spec: mujoco.MjSpec, tree: UrdfTree) -> None:
                 f"coupling {name!r} has no joint between its predecessor or successor and their common "
                 "ancestor; name links on two branches"
             )
-        (ratio,) = numbers_of(tree, name, child_of(element, "ratio").get("value", "1"), 1).tolist()
+        (ratio,) = tree.numbers_of(name, child_of(element, "ratio").get("value", "1"), 1).tolist()
         kind, object_kind = mujoco.mjtEq.mjEQ_JOINT, mujoco.mjtObj.mjOBJ_JOINT
         name1, name2, factor = b[0], a[0], ratio
         if len(a) > 1 or len(b) > 1:
@@ -124,7 +121,7 @@ def _isaac(tree: UrdfTree) -> Iterator[LoopClosure]:
         sides = [element for element in loop if element.tag in ("link1", "link2")]
         if len(sides) != 2:
             raise tree.error(f"loop_joint {loop.get('name')!r} has {len(sides)} links; give link1 and link2")
-        a, b = (pose_of(tree, tree.link_of(side, loop.get("name", "")), side) for side in sides)
+        a, b = (tree.pose_of(tree.link_of(side, loop.get("name", "")), side) for side in sides)
         yield _closure(tree, loop, a, b)
 
 
@@ -134,7 +131,7 @@ def _drake_balls(tree: UrdfTree) -> Iterator[LoopClosure]:
         frames = [
             Frame(
                 tree.require_link(child_of(ball, f"drake_ball_constraint_body_{body}").get("name", ""), name),
-                numbers_of(tree, name, child_of(ball, f"drake_ball_constraint_p_{point}").get("value", "")),
+                tree.numbers_of(name, child_of(ball, f"drake_ball_constraint_p_{point}").get("value", "")),
             )
             for body, point in (("A", "AP"), ("B", "BQ"))
         ]
@@ -146,11 +143,11 @@ def _drake_bushings(tree: UrdfTree) -> Iterator[LoopClosure]:
     for number, bushing in enumerate(tree.root.findall("drake_linear_bushing_rpy"), 1):
         name = f"bushing{number}"
         frames = [
-            named_frame(tree, child_of(bushing, f"drake_bushing_frame{side}").get("name", ""), name)
+            tree.named_frame(child_of(bushing, f"drake_bushing_frame{side}").get("name", ""), name)
             for side in "AC"
         ]
         stiffness = child_of(bushing, "drake_bushing_torque_stiffness").get("value", "")
-        stiff = numbers_of(tree, name, stiffness) > 0.0
+        stiff = tree.numbers_of(name, stiffness) > 0.0
         kinds: dict[int, Kind] = {0: "point", 2: "hinge", 3: "weld"}
         kind = kinds.get(int(stiff.sum()))
         if kind is None:
@@ -168,7 +165,7 @@ def _gazebo(tree: UrdfTree) -> Iterator[LoopClosure]:
         parent, child = (
             tree.require_link((joint.findtext(side) or "").strip(), name) for side in ("parent", "child")
         )
-        numbers = numbers_of(tree, name, joint.findtext("pose") or "0 0 0 0 0 0", 6)
+        numbers = tree.numbers_of(name, joint.findtext("pose") or "0 0 0 0 0 0", 6)
         relative = joint.find("pose")
         base = relative.get("relative_to") if relative is not None else None
         b = Frame(child if base in (None, "") else tree.require_link(str(base), name))
@@ -209,7 +206,7 @@ def _closure(tree: UrdfTree, element: Element, a: Frame, b: Frame, axis: str | N
     own = element.find("axis")
     text = axis or (own.get("xyz") if own is not None else None)
     default = "1 0 0" if element.tag == "joint" and axis is None else "0 0 1"
-    direction = numbers_of(tree, name, text or default)
+    direction = tree.numbers_of(name, text or default)
     length = float(np.linalg.norm(direction))
     if KINDS[kind] == "hinge" and not length > 0.0:
         raise tree.error(f"the axis of loop joint {name!r} has length 0; give a direction")

@@ -12,14 +12,7 @@ from mechsim.errors import InputError, cut, needs
 from mechsim.files import read_text
 from mechsim.mechanism.finding import Finding
 from mechsim.simulation.mjcf_reader.coordinates import did_you_mean
-from mechsim.simulation.mjcf_reader.urdf_tree import (
-    KINDS,
-    Frame,
-    LoopClosure,
-    UrdfTree,
-    named_frame,
-    numbers_of,
-)
+from mechsim.simulation.mjcf_reader.urdf_tree import KINDS, Frame, LoopClosure, UrdfTree
 
 # largest sidecar file in bytes: a robot has a few loops
 MAX_BYTES = 100_000
@@ -153,7 +146,7 @@ def _scikit_robot(tree: UrdfTree, file: Sidecar) -> tuple[list[LoopClosure], Joi
         if not isinstance(entry, dict) or {"link_a", "link_b", "point", "axis"} - entry.keys():
             raise file.error("closures", f"{name} needs link_a, link_b, point and axis; give all four")
         point, axis = (
-            numbers_of(tree, name, " ".join(file.text("closures", number) for number in _items(entry[key])))
+            tree.numbers_of(name, " ".join(file.text("closures", number) for number in _items(entry[key])))
             for key in ("point", "axis")
         )
         length = float(np.linalg.norm(axis))
@@ -182,7 +175,7 @@ def _gepetto(tree: UrdfTree, file: Sidecar) -> tuple[list[LoopClosure], JointCha
         name = f"closed_loop{number}"
         if kind.lower() not in KINDS:
             raise file.error("type", f"type of loop {number} is {_shown(kind)}; it can be 3d or 6d")
-        a, b = (named_frame(tree, file.text("closed_loop", frame), name) for frame in pair)
+        a, b = (tree.named_frame(file.text("closed_loop", frame), name) for frame in pair)
         closures.append(LoopClosure(name, KINDS[kind.lower()], a, b))
     names, kinds = file.texts("joint_name"), file.texts("joint_type")
     if len(names) != len(kinds):

@@ -125,6 +125,33 @@ class UrdfTree:
             frame = self.parents[frame.link][1].then(frame.position, frame.rotation)
         return frame
 
+    def named_frame(self, name: str, joint: str) -> Frame:
+        """Return a frame by its name: a `<frame>` of Drake, a link, or the fixed joint that places a link."""
+        for frame in self.root.findall("frame"):
+            if frame.get("name") == name:
+                return self.pose_of(self.require_link(frame.get("link", ""), joint), frame)
+        for link, (element, _) in self.parents.items():
+            if element.get("name") == name:
+                return Frame(link)
+        return Frame(self.require_link(name, joint))
+
+    def pose_of(self, link: str, origin: Element | None) -> Frame:
+        """Return the frame on a link at the attributes xyz and rpy of an element."""
+        if origin is None:
+            return Frame(link)
+        position, angles = (self.numbers_of(link, origin.get(key) or "0 0 0") for key in ("xyz", "rpy"))
+        return Frame(link, position, rotation_of(angles))
+
+    def numbers_of(self, name: str, text: str, count: int = 3) -> Array:
+        """Return a number of finite numbers, (count,), from text; raise InputError for any other text."""
+        try:
+            values = np.array([float(word) for word in text.split()])
+        except ValueError:
+            values = np.zeros(0)
+        if values.shape != (count,) or not np.isfinite(values).all():
+            raise self.error(f"{name!r} has {text!r} where {count} finite numbers belong; correct them")
+        return values
+
 
 def read_urdf(path: str) -> UrdfTree:
     """Return the tree of a URDF file.
@@ -146,7 +173,7 @@ def read_urdf(path: str) -> UrdfTree:
             second.append(joint)
         else:
             parent = child_of(joint, "parent").get("link", "")
-            parents[child] = joint, pose_of(tree, parent, joint.find("origin"))
+            parents[child] = joint, tree.pose_of(parent, joint.find("origin"))
     return UrdfTree(path, root, lines, parents, tuple(second))
 
 
@@ -166,40 +193,10 @@ def _parsed(path: str, text: str) -> tuple[Element, dict[Element, int]]:
     return builder.close(), lines
 
 
-def named_frame(tree: UrdfTree, name: str, joint: str) -> Frame:
-    """Return a frame by its name: a `<frame>` of Drake, a link, or the fixed joint that places a link."""
-    for frame in tree.root.findall("frame"):
-        if frame.get("name") == name:
-            return pose_of(tree, tree.require_link(frame.get("link", ""), joint), frame)
-    for link, (element, _) in tree.parents.items():
-        if element.get("name") == name:
-            return Frame(link)
-    return Frame(tree.require_link(name, joint))
-
-
 def child_of(element: Element, tag: str) -> Element:
     """Return the first child with a tag; an empty element if there is none."""
     child = element.find(tag)
     return Element(tag) if child is None else child
-
-
-def pose_of(tree: UrdfTree, link: str, origin: Element | None) -> Frame:
-    """Return the frame on a link at the attributes xyz and rpy of an element."""
-    if origin is None:
-        return Frame(link)
-    position, angles = (numbers_of(tree, link, origin.get(key) or "0 0 0") for key in ("xyz", "rpy"))
-    return Frame(link, position, rotation_of(angles))
-
-
-def numbers_of(tree: UrdfTree, name: str, text: str, count: int = 3) -> Array:
-    """Return a number of finite numbers, (count,), from text; raise InputError for any other text."""
-    try:
-        values = np.array([float(word) for word in text.split()])
-    except ValueError:
-        values = np.zeros(0)
-    if values.shape != (count,) or not np.isfinite(values).all():
-        raise tree.error(f"{name!r} has {text!r} where {count} finite numbers belong; correct them")
-    return values
 
 
 def rotation_of(angles: Array) -> Array:
