@@ -53,7 +53,7 @@ def run_under_controls(
         samples: number of rows; None for all.
         output: file of the motion; None writes none.
     """
-    tolerance = POSITION_TOLERANCE * scene.characteristic_length if requested is None else requested
+    tolerance = POSITION_TOLERANCE * scene.mechanism.characteristic_length if requested is None else requested
     gap = start_error(scene)
     violation = (
         f"the loops are open by {gap:.2g} m at the initial pose of the file, which no time step corrects; "

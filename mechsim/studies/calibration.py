@@ -269,11 +269,8 @@ class _Problem:
         together = tuple(_groups(right[~determined], self.names))
         undetermined_names = {name for group in together for name in group}
         values = self.dimensions(x)
-        pieces = np.split(residuals, len(self.named))
-        rms = {
-            column: float(np.sqrt(((piece * self.weights[column]) ** 2).mean()))
-            for column, piece in zip(self.named, pieces, strict=True)
-        }
+        pieces = zip(self.weights.items(), np.split(residuals, len(self.named)), strict=True)
+        rms = {column: float(np.sqrt(((own * weight) ** 2).mean())) for (column, weight), own in pieces}
         spreads = dict(zip(self.names, np.sqrt(np.diag(covariance)).tolist(), strict=True))
         deviations = {name: own for name, own in spreads.items() if name not in undetermined_names}
         outcome: FitOutcome = "underdetermined" if together else "fitted" if converged else "not converged"

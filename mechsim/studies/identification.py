@@ -195,9 +195,10 @@ def identify(
 
 @dataclass(frozen=True)
 class _Log:
-    """A log: times (n,), the motion of each driver with a law through it, and measured columns.
+    """A log: times (n,), the motion of each driver with a law through it, and c measured columns, (c, n).
 
-    `measured` gives the driver of a column, and the name of the motor constant of a current.
+    `measured` gives the driver of a column, and the name of the motor constant of a current. Unknown
+    deviations are NaN.
     """
 
     time: Array
@@ -205,7 +206,7 @@ class _Log:
     laws: Mapping[str, State]
     measured: Mapping[str, tuple[str, str]]
     columns: Array
-    deviations: Sequence[Array | None]
+    deviations: Array
     smoothed: bool
     unused: tuple[str, ...]
 
@@ -256,13 +257,14 @@ def _log_of(columns: dict[str, TableColumn], mechanism: Mechanism, where: str) -
         motion[name] = JointMotion(*(_law(time, *states)(time) if smoothed else states), unit=unit)
     laws = {name: _law(time, joint.value, joint.rate) for name, joint in motion.items()}
     recorded = [columns.pop(name) for name in measured]
+    stated = [column.uncertainty for column in recorded]
     return _Log(
         time,
         motion,
         laws,
         measured,
         np.array([column.values for column in recorded]),
-        [column.uncertainty for column in recorded],
+        np.array([np.full(len(time), np.nan) if own is None else own for own in stated]),
         smoothed,
         tuple(columns),
     )
@@ -418,11 +420,9 @@ class _TorqueFit:
             return np.sqrt((self._errors(numbers)[:, rows] ** 2).mean(1))
 
         peaks = np.maximum(np.abs(self.log.columns).max(1), np.finfo(np.float64).tiny)
-        stated = np.array(
-            [np.full(count, np.nan) if column is None else column for column in self.log.deviations]
-        )
 
         def weights(unknown: Array) -> Array:
+            stated = self.log.deviations
             return np.where(np.isnan(stated), unknown[:, None], stated)
 
         x, _ = self._fitted(np.zeros(parameters), rows, weights(peaks))

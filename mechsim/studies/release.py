@@ -57,9 +57,9 @@ def mode_motion(equilibrium: Equilibrium, number: int, samples: int = 72) -> Mod
     count = len(equilibrium.modes)
     if not 1 <= number <= count:
         raise InputError(f"there is no mode {number}; this equilibrium has modes 1 to {count}")
-    mode, linear = equilibrium.modes[number - 1], equilibrium.linear
+    mode = equilibrium.modes[number - 1]
     period = 1.0 / mode.frequency if mode.frequency > 0.0 else STILL_PERIOD
-    motion = _largest_cycle(linear, mode, period, samples)
+    motion = _largest_cycle(equilibrium.linear, mode, period, samples)
     # relative to 1, critical damping, less than 1e-12 is rounding
     damping = f"{round(mode.damping_ratio, 12) + 0.0:.3g}"
     return ModeMotion(f"mode {number}: {mode.frequency:.4g} Hz, damping ratio {damping}", period, motion)
@@ -71,27 +71,24 @@ def mode_motions(equilibrium: Equilibrium, samples: int = 72) -> list[ModeMotion
 
 
 def _largest_cycle(linear: LinearModel, mode: Mode, period: float, samples: int) -> Motion:
-    """Return configurations along a mode shape, at the largest amplitude at which the loops close."""
-    amplitude = AMPLITUDE
-    for _ in range(HALVINGS):
-        with suppress(AssemblyError):
-            return _cycle(linear, mode, amplitude, period, samples)
-        amplitude *= 0.5
-    return _cycle(linear, mode, amplitude, period, samples)
-
-
-def _cycle(linear: LinearModel, mode: Mode, amplitude: float, period: float, samples: int) -> Motion:
-    """Return the closed configurations along a mode shape over one period."""
+    """Return a period along a mode shape, at the largest amplitude at which the loops close."""
     equations, loops = linear.equations, linear.equations.loops
     names = {i: name for name, i in loops.tree.index_of.items()}
-    shape = np.array([mode.shape[names[i]] / loops.units[i] for i in equations.free])
-    independent = amplitude * (linear.basis.T @ shape)
+    shape = linear.basis.T @ np.array([mode.shape[names[i]] / loops.units[i] for i in equations.free])
     times = np.linspace(0.0, period, samples + 1)
-    phasors = np.exp(1j * REVOLUTION * times / period)
+    phasors = np.exp(1j * REVOLUTION * times / period)[:, None]
     rate = 1j * REVOLUTION / period
-    u, du = (np.asarray((factor * phasors[:, None] * independent).real, np.float64) for factor in (1.0, rate))
-    states = states_about(equations, linear.q, linear.basis, u, du)
-    return motion_of(equations, states, np.zeros_like(states.rates), times)
+
+    def cycle(amplitude: float) -> Motion:
+        independent = amplitude * shape
+        u, du = (np.asarray((factor * phasors * independent).real, np.float64) for factor in (1.0, rate))
+        states = states_about(equations, linear.q, linear.basis, u, du)
+        return motion_of(equations, states, np.zeros_like(states.rates), times)
+
+    for halving in range(HALVINGS):
+        with suppress(AssemblyError):
+            return cycle(AMPLITUDE * 0.5**halving)
+    return cycle(AMPLITUDE * 0.5**HALVINGS)
 
 
 # difference of the kinetic energies, relative to the largest, above which drivers do not determine the motion

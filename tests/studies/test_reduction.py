@@ -56,7 +56,8 @@ def scene(folder, text, *, ctrl=CONTROL, drive=None, duration=0.5, track=("tip,p
 
 
 def observed(evaluator):
-    return observe(evaluator.spec, evaluator.full, evaluator.tracked_bodies, LIMIT)
+    tracked = frozenset(body for body, _ in evaluator.tracked.values())
+    return observe(evaluator.spec, evaluator.full, tracked, LIMIT)
 
 
 def path_of(text, body, law, duration):
@@ -175,7 +176,7 @@ def test_driven_elements_cannot_be_removed(cluttered):
     with pytest.raises(ValueError, match="servo has a motion law"):
         evaluator.scene(spec)
     with pytest.raises(NotApplicable, match="servo acts on joint knuckle"):
-        bodies.fuse(evaluator.spec.copy(), "knuckle", 0.0)
+        bodies.fuse(evaluator.spec.copy(), "knuckle", np.zeros(1))
 
 
 def test_a_fused_joint_keeps_the_pose_of_its_body(tmp_path):
@@ -185,7 +186,7 @@ def test_a_fused_joint_keeps_the_pose_of_its_body(tmp_path):
     data.joint("swing").qpos[0] = 0.3
     mujoco.mj_kinematics(model, data)
     pad = data.body("pad").xpos.copy(), data.body("pad").xquat.copy()
-    bodies.fuse(spec, "swing", 0.3)
+    bodies.fuse(spec, "swing", np.array([0.3]))
     reduced_model = spec.compile()
     data = mujoco.MjData(reduced_model)
     mujoco.mj_kinematics(reduced_model, data)

@@ -13,11 +13,11 @@ from mechsim import units
 from mechsim.errors import AssemblyError, InputError
 from mechsim.io.readers import load, open_model, parametric_model
 from mechsim.kinematics.solvers import KinematicSolver
-from mechsim.mechanism.motion import join
+from mechsim.mechanism.motion import join, select_instants
 from mechsim.mechanism.motion_laws import MotionLaws
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.resources import Progress, no_progress
-from mechsim.studies.certify.computed_motion import ComputedMotion, computed_motion, laws_not_enclosed
+from mechsim.studies.certify.computed_motion import ComputedMotion, computed_motion, law_not_enclosed
 from mechsim.studies.certify.segments import (
     Bools,
     Segments,
@@ -131,9 +131,9 @@ def certified_motion(
         return _in_instants(proof, laws)
 
     requested = between or (0.0, 0.0 if laws.crank else laws.length)
-    if not_enclosed := laws_not_enclosed(laws):
+    if driver := law_not_enclosed(laws):
         reason = (
-            f"the motion law of {not_enclosed[0]} cannot be enclosed; give a table, or an expression of "
+            f"the motion law of {driver} cannot be enclosed; give a table, or an expression of "
             "+ - * / **, sin, cos, tan, sqrt and exp"
         )
         return uncertified(requested, reason)
@@ -191,19 +191,19 @@ def proven_segments(
             segments = replace(segments, misses=np.tile(halved.misses, 2))
         else:
             batch = untested.pop()
-            segments = tested_segments(motion, edges[batch], edges[batch + 1], guess.select(batch))
-        proven.append(segments.select(segments.proven))
+            segments = tested_segments(motion, edges[batch], edges[batch + 1], select_instants(guess, batch))
+        proven.append(select_instants(segments, segments.proven))
         finished += float((proven[-1].high - proven[-1].low).sum())
         fraction = finished / (motion.high - motion.low)
         progress(f"{count:,} segments, at most {MAX_SEGMENTS:,}", SOLVED + (TESTED - SOLVED) * fraction)
-        failed = segments.select(~segments.proven)
+        failed = select_instants(segments, ~segments.proven)
         if failed.half.max(initial=0.0) < COARSE * (motion.high - motion.low):
             failed = with_misses(motion, failed)
         count += len(failed)
         final = (failed.half < shortest) | (failed.misses >= MAX_MISSES) | (count > MAX_SEGMENTS)
         rest += [*zip(failed.low[final].tolist(), failed.high[final].tolist(), strict=True)]
-        failed = failed.select(~final)
-        waiting += [failed.select(batch) for batch in batches(len(failed)) if len(batch)]
+        failed = select_instants(failed, ~final)
+        waiting += [select_instants(failed, batch) for batch in batches(len(failed)) if len(batch)]
     segments = join(proven)
     # intervals in ascending order; adjacent intervals are merged
     merged: list[tuple[float, float]] = []
@@ -211,7 +211,7 @@ def proven_segments(
         if merged and low <= merged[-1][1]:
             low = merged.pop()[0]
         merged.append((low, high))
-    return segments.select(np.argsort(segments.low)), merged, count > MAX_SEGMENTS
+    return select_instants(segments, np.argsort(segments.low)), merged, count > MAX_SEGMENTS
 
 
 def _certificate(

@@ -5,7 +5,6 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mechsim.errors import AssemblyError
 from mechsim.kinematics.loops.constraints import TreeLoops, cuts_of
@@ -26,7 +25,7 @@ from mechsim.studies.certify.loop_equations import ClosureEquations, loop_equati
 SAMPLES = 9
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class CentreConfigurations:
     """Approximate configurations at n path parameters.
 
@@ -37,10 +36,6 @@ class CentreConfigurations:
 
     values: Array
     quaternions: Array
-
-    def select(self, which: "list[int] | NDArray[np.intp]") -> "CentreConfigurations":
-        """Return some of the configurations."""
-        return CentreConfigurations(self.values[which], self.quaternions[which])
 
 
 @dataclass(frozen=True)
@@ -119,15 +114,14 @@ class ComputedMotion:
         return replace(self, equations=replace(equations, selected=tuple(chosen.tolist())))
 
 
-def laws_not_enclosed(laws: MotionLaws) -> list[str]:
-    """Return the drivers whose motion laws interval arithmetic cannot enclose."""
-    drivers: list[str] = []
+def law_not_enclosed(laws: MotionLaws) -> str | None:
+    """Return the first driver whose motion law interval arithmetic cannot enclose; None for none."""
     for name, state in laws.by_name.items():
         try:
             state_in_balls(state, Ball(np.zeros(1), np.ones(1)))
         except NOT_ENCLOSED:
-            drivers.append(name)
-    return drivers
+            return name
+    return None
 
 
 def computed_motion(
@@ -143,17 +137,15 @@ def computed_motion(
     if between is not None:
         solver = starting_at(solver, np.array(between))
     path = driven_path(solver.mechanism, solver.motion_laws, "smooth")
-    target = between if between is not None else _whole_range(solver, path)
     message = ""
     ends: list[float] = []
-    for end in target:
-        direction = 1 if end > path.initial else -1
+    for end in between or _whole_range(solver, path):
         try:
             path.extend(end)
             ends.append(end)
         except AssemblyError as error:
             message = str(error)
-            ends.append(path.end(direction))
+            ends.append(path.end(1 if end > path.initial else -1))
     offsets = tuple(float(round(offset / REVOLUTION)) for offset in path.loops.turn_offsets)
     equations = loop_equations(path.loops.tree.mechanism, offsets, radii)
     return ComputedMotion(path, solver.motion_laws, equations, ends[0], ends[1], message)

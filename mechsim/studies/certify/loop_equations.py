@@ -57,7 +57,7 @@ class Placed:
 
     Attributes:
         rotation, position: pose of each link, the ground last, (..., 3, 3) and (..., 3, 1).
-        linear, angular: velocity at the ground's origin and angular velocity, (..., 3, count).
+        linear, angular: velocity at the ground's origin and angular velocity, (..., 3, count), or None.
     """
 
     rotation: list[Number]
@@ -121,7 +121,8 @@ class ClosureEquations:
         turns = [unknown_numbers(3, 3) for _ in self.tree.balls]
         q = unknown_numbers(self.tree.count, 1)
         placed = placed_links(self.tree, constants, q, turns, with_twists=False)
-        values = [value for cut in self.cuts for value in cut_residual(cut, constants, placed).ravel()]
+        residuals = [cut_equations(cut, constants, placed, self.tree)[0] for cut in self.cuts]
+        values = [value for residual in residuals for value in residual.ravel()]
         values += [1] * (len(self.rods) + len(self.couplings))
         return np.array([i for i, value in enumerate(values) if value != 0], dtype=np.intp)
 
@@ -317,20 +318,17 @@ def _twists(
         yield cross(centre, angular), angular
 
 
-def _cut_frames(cut: Cut, constants: Constants, placed: Placed) -> tuple[Number, Number, Number, Number]:
+def cut_equations(
+    cut: Cut, constants: Constants, placed: Placed, tree: SpanningTree
+) -> tuple[Number, Number | None]:
+    """Return residuals (..., rows, 1) and Jacobians (..., rows, count) of a joint that closes a loop.
+
+    Residuals are in characteristic lengths or [rad]. Without unit twists there is no Jacobian.
+    """
     point_a, frame_a, point_b, frame_b = constants.sides[cut.joint.name]
-    a, b = cut.sides
-    return (
-        placed.position[a] + placed.rotation[a] @ point_a,
-        placed.rotation[a] @ frame_a,
-        placed.position[b] + placed.rotation[b] @ point_b,
-        placed.rotation[b] @ frame_b,
-    )
-
-
-def cut_residual(cut: Cut, constants: Constants, placed: Placed) -> Number:
-    """Return the residuals of a loop-closing joint, (..., rows, 1) in characteristic lengths or [rad]."""
-    point_a, side_a, point_b, side_b = _cut_frames(cut, constants, placed)
+    (a, b), position, rotation = cut.sides, placed.position, placed.rotation
+    side_a, side_b = rotation[a] @ frame_a, rotation[b] @ frame_b
+    point_a, point_b = position[a] + rotation[a] @ point_a, position[b] + rotation[b] @ point_b
     rows: list[Number] = []
     if cut.lengths:
         rows.append(side_a[..., cut.lengths].T @ (point_b - point_a) * (1.0 / cut.length))
@@ -339,14 +337,8 @@ def cut_residual(cut: Cut, constants: Constants, placed: Placed) -> Number:
         if target != 0.0 and cut.joint.cross_angle != RIGHT_ANGLE:
             product = product - constants.angles[cut.joint.name][1]
         rows.append(product)
-    return concatenated(rows, -2)
-
-
-def cut_equations(
-    cut: Cut, constants: Constants, placed: Placed, tree: SpanningTree
-) -> tuple[Number, Number]:
-    """Return residuals and Jacobians, (..., rows, count), of a joint that closes a loop."""
-    _, side_a, point_b, side_b = _cut_frames(cut, constants, placed)
+    if placed.linear is None:
+        return concatenated(rows, -2), None
     blocks: list[Number] = []
     if cut.lengths:
         along = side_a[..., cut.lengths]
@@ -355,8 +347,7 @@ def cut_equations(
     if cut.directions:
         i, j = ([pair[k] for pair in cut.directions] for k in (0, 1))
         blocks.append(cross(side_b[..., j], side_a[..., i]).T @ placed.angular)
-    jacobian = concatenated(blocks, -2) * relative_motion(tree, cut.sides)
-    return cut_residual(cut, constants, placed), jacobian
+    return concatenated(rows, -2), concatenated(blocks, -2) * relative_motion(tree, cut.sides)
 
 
 def coupled_equation(row: CoupledRow, turns: float, q: Number, units: Array) -> tuple[Number, Number]:

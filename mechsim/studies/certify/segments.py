@@ -7,7 +7,6 @@ Methods for Systems of Equations, 1990, section 5.1).
 """
 
 from dataclasses import dataclass, replace
-from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,10 +68,6 @@ class Segments:
 
     def __len__(self) -> int:
         return len(self.low)
-
-    def select(self, which: Bools | NDArray[np.intp]) -> Self:
-        """Return some of the segments."""
-        return select_instants(self, which)
 
 
 @dataclass(frozen=True)
@@ -155,7 +150,7 @@ def tested_segments(motion: ComputedMotion, low: Array, high: Array, guess: Cent
     """
     pieces = batches(len(low))
     if len(pieces) > 1:
-        return join([tested_segments(motion, low[i], high[i], guess.select(i)) for i in pieces])
+        return join([tested_segments(motion, low[i], high[i], select_instants(guess, i)) for i in pieces])
     centre = 0.5 * (low + high)
     half = np.maximum(high - centre, centre - low) * OUTWARD
     equations, units = motion.equations, motion.equations.tree.units
@@ -281,7 +276,7 @@ def segments_that_join(motion: ComputedMotion, segments: Segments) -> Bools:
     A proven solution at the common end must lie in the tubes of both segments.
     """
     n = len(segments)
-    before, after = segments.select(np.arange(n - 1)), segments.select(np.arange(1, n))
+    before, after = select_instants(segments, slice(n - 1)), select_instants(segments, slice(1, n))
     guess = along_tangents(motion.equations, before, before.high - before.centre)
     common = tested_segments(motion, before.high, before.high, guess)
     in_both = inside(motion.equations, common, before) & inside(motion.equations, common, after)
@@ -314,10 +309,6 @@ def along_tangents(equations: ClosureEquations, segments: Segments, by: Array) -
 
 def halves(segments: Segments, equations: ClosureEquations) -> tuple[Array, Array, CentreConfigurations]:
     """Return ends of both halves of segments, and approximate configurations at their middles."""
-    first, second = (along_tangents(equations, segments, sign * 0.5 * segments.half) for sign in (-1.0, 1.0))
-    guess = CentreConfigurations(
-        np.concatenate([first.values, second.values]),
-        np.concatenate([first.quaternions, second.quaternions]),
-    )
+    guesses = [along_tangents(equations, segments, sign * 0.5 * segments.half) for sign in (-1.0, 1.0)]
     low = np.concatenate([segments.low, segments.centre])
-    return low, np.concatenate([segments.centre, segments.high]), guess
+    return low, np.concatenate([segments.centre, segments.high]), join(guesses)

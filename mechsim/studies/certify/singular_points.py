@@ -4,7 +4,6 @@ At a dead centre the loop equations F(q, s) = 0 have a fold: F = 0, A v = 0, l v
 regular system for q, s and the null vector v (Moore and Spence, SIAM J. Numer. Anal. 17, 1980). At a change
 point two solution curves cross: F + m w = 0, A' w = 0, w F_s = 0, w w = 1 is regular for q, s, w and m
 (Moore, Numer. Funct. Anal. Optim. 2, 1980). The unfolding parameter m bounds the deviation of the equations
-from typing import ClassVar
 from an exact crossing.
 """
 
@@ -15,6 +14,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from mechsim.mechanism.motion import select_instants
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.balls import OUTWARD, Ball, DualBall, ball
 from mechsim.studies.certify.computed_motion import CentreConfigurations, ComputedMotion
@@ -138,7 +138,7 @@ def enclosed_singular_point(motion: ComputedMotion, approximate: float) -> Singu
     all_samples.values[:, equations.driven] = motion.driven(samples)[0]
     _, jacobian = equations.evaluate(ball(all_samples.values[..., None]), rotations(equations, all_samples))
     jacobians = jacobian.mid[..., equations.unknown]
-    start, matrix = all_samples.select([index]), jacobians[index]
+    start, matrix = select_instants(all_samples, slice(index, index + 1)), jacobians[index]
     for rows, columns in determined_subsets(jacobians):
         u, _, vh = np.linalg.svd(matrix[np.ix_(rows, columns)])
         unknown = equations.unknown[columns]

@@ -180,16 +180,11 @@ def study(
     """
     result = StabilityMap()
     solvers = solvers or [catalog.make(name) for name in catalog.MECHANISMS]
-    total = sum(len(axes_of(solver, quick)) for solver in solvers)
-    finished = 0
-    for solver in solvers:
-        name = solver.name
-        for axis, push, values in axes_of(solver, quick):
-            trials, borders = borders_along(
-                partial(push, solver), values, QUICK_HALVINGS if quick else HALVINGS
-            )
-            result.trials += trials
-            result.borders += borders if axis != "far start" else []
-            finished += 1
-            progress(f"{name}: {axis}", finished / total)
+    rows = [(solver, *row) for solver in solvers for row in axes_of(solver, quick)]
+    halvings = QUICK_HALVINGS if quick else HALVINGS
+    for finished, (solver, axis, push, values) in enumerate(rows, 1):
+        trials, borders = borders_along(partial(push, solver), values, halvings)
+        result.trials += trials
+        result.borders += borders if axis != "far start" else []
+        progress(f"{solver.name}: {axis}", finished / len(rows))
     return result

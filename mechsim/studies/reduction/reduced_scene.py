@@ -1,7 +1,7 @@
 """Reduced scenes: the full scene, scenes without some elements, other motions, and observations."""
 
 import copy
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -57,18 +57,9 @@ def reduced_scene(
         act = {"act": values["act"]} if len(spec.actuators) == full.model.nu and full.model.na else {}
         spec.add_key(name=full.key, qpos=start[0], qvel=start[1], ctrl=controls, **act)
         model = plainly_compiled(spec)
-    return UserScene(
-        full.path,
-        model,
-        start,
-        full.duration,
-        full.closure,
-        positions,
-        {name: int(model.joint(name).id) for name in full.joint_laws},
-        full.joint_laws,
-        full.ctrl,
-        inertias,
-        full.key,
+    driven = {name: int(model.joint(name).id) for name in full.joint_laws}
+    return replace(
+        full, model=model, start=start, tracked=positions, driven_joints=driven, drive_inertias=inertias
     )
 
 
@@ -109,11 +100,6 @@ class ReducedSceneEvaluator:
         """The full scene's run with a record of every step."""
         return run_scene(self.full, records=None)
 
-    @property
-    def tracked_bodies(self) -> frozenset[str]:
-        """Names of the bodies that carry tracked points."""
-        return frozenset(body for body, _ in self.tracked.values())
-
     def scene(self, spec: mujoco.MjSpec) -> UserScene:
         """Return the scene of a specification over the same motion, with the full scene's initial state."""
         return reduced_scene(self.motion, spec, self.tracked, self.named)
@@ -129,10 +115,10 @@ class ReducedSceneEvaluator:
         return evaluator.evaluate(scene).errors
 
 
-def time_ratios(full: UserScene, others: Sequence[UserScene], rounds: int = 3) -> Array:
-    """Return the processor times of scenes relative to the full scene's, (others,)."""
-    times = step_times([(scene, scene.model) for scene in (full, *others)], rounds)
-    return times[1:] / times[0]
+def time_ratio(full: UserScene, other: UserScene, rounds: int = 3) -> float:
+    """Return the processor time of a scene relative to the full scene's."""
+    full_time, time = step_times([(full, full.model), (other, other.model)], rounds)
+    return float(time / full_time)
 
 
 def _body(model: mujoco.MjModel, name: str) -> int:
@@ -187,15 +173,6 @@ def _close_between_sites(spec: mujoco.MjSpec) -> None:
         if equality.type == WELD:
             data[10:] = model.eq_data[number, 10:]
         equality.data = data
-
-
-# range of the second motion relative to that of the user's motion, and relative variation of its speed
-RANGE_RATIO, SPEED_VARIATION = 0.9, 0.3
-
-
-def second_motion(scene: UserScene) -> UserScene:
-    """Return a scene over a second motion from the same start; only the final check uses it."""
-    return other_motion(scene, RANGE_RATIO, SPEED_VARIATION)
 
 
 def other_motion(scene: UserScene, range_ratio: float, speed_variation: float) -> UserScene:
@@ -282,11 +259,6 @@ class Evidence:
     def model(self) -> mujoco.MjModel:
         """The model of the run."""
         return self.scene.model
-
-    @property
-    def length(self) -> float:
-        """Characteristic length of the full scene, in [m]."""
-        return self.scene.characteristic_length
 
     def values(self, joint: str) -> Array:
         """Return a hinge's or slide's coordinate over the motion, (n,) in [rad] or [m]."""

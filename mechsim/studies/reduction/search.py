@@ -15,8 +15,8 @@ from mechsim.studies.reduction.candidates.bodies import NotApplicable, RemovalCa
 from mechsim.studies.reduction.reduced_scene import (
     ReducedSceneEvaluator,
     observe,
-    second_motion,
-    time_ratios,
+    other_motion,
+    time_ratio,
 )
 from mechsim.studies.scene.errors import DIVERGED, SceneErrors
 from mechsim.studies.scene.scene import UserScene
@@ -28,6 +28,9 @@ SEARCH_FRACTION = 0.9
 NEGLIGIBLE = 1e-3
 # largest ratio of times at which a candidate that costs accuracy is accepted
 MAX_TIME_RATIO = 0.97
+# range of the second motion, which only the final check uses, relative to that of the user's motion, and
+# relative variation of its speed
+RANGE_RATIO, SPEED_VARIATION = 0.9, 0.3
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,7 +99,7 @@ def reduce_scene(
         InputError: if the full scene diverges or has no tracked point.
     """
     first = ReducedSceneEvaluator.from_scene(scene, spec)
-    second = replace(first, motion=second_motion(scene))
+    second = replace(first, motion=other_motion(scene, RANGE_RATIO, SPEED_VARIATION))
     if not scene.tracked:
         raise InputError(f"{scene.path} has no tracked point; name a site or a body by --track")
     for evaluator, motion_name in ((first, "its motion"), (second, "a second motion")):
@@ -114,7 +117,7 @@ def reduce_scene(
         )
     search = _Search(first, tolerance, by)
     kept = {name for name in keep if first.spec.body(name) is not None}
-    search.run(first.tracked_bodies | kept, progress)
+    search.run(frozenset(kept.union(body for body, _ in first.tracked.values())), progress)
     return search.verified(second)
 
 
@@ -150,10 +153,9 @@ class _Search:
         costs = error - self.error > NEGLIGIBLE * self.tolerance
         if costs and not costly:
             return
-        if candidate.only_if_faster or costs:
-            ratio = float(time_ratios(self.evaluator.scene(self.spec), [scene])[0])
-            if ratio > MAX_TIME_RATIO:
-                return
+        must_save_time = candidate.only_if_faster or costs
+        if must_save_time and time_ratio(self.evaluator.scene(self.spec), scene) > MAX_TIME_RATIO:
+            return
         self.left_out.append(RemovedElement(candidate, error))
         self.spec, self.error = spec, error
 
@@ -168,7 +170,7 @@ class _Search:
                 break
             worst = int(np.argmax(np.diff([0.0, *(removed.error for removed in self.left_out)])))
             undone.append(self.left_out.pop(worst).candidate.what)
-        ratio = float(time_ratios(self.evaluator.full, [self.evaluator.scene(spec)], rounds=7)[0])
+        ratio = time_ratio(self.evaluator.full, self.evaluator.scene(spec), rounds=7)
         full_time = self.evaluator.run.seconds_per_second
         return Reduction(
             text, self.left_out, (errors[0], errors[1]), 1.0 / ratio, full_time, self.tried, undone, self.by

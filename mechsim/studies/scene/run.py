@@ -57,15 +57,11 @@ class SceneRun:
         """Processor time of a simulated second; infinite for a diverged run."""
         return np.inf if self.broken else self.seconds / (self.steps * float(self.model.opt.timestep))
 
-    def every(self, interval: int) -> "SceneRun":
-        """Return the run with every `interval`-th record."""
-        rows = slice(None, None, max(1, interval))
-        return replace(self, time=self.time[rows], qpos=self.qpos[rows], qvel=self.qvel[rows])
-
     @cached_property
     def nodes(self) -> "SceneRun":
         """The run with at most about `MAX_REFERENCE_RECORDS` records."""
-        return self.every(len(self.time) // MAX_REFERENCE_RECORDS)
+        rows = slice(None, None, max(1, len(self.time) // MAX_REFERENCE_RECORDS))
+        return replace(self, time=self.time[rows], qpos=self.qpos[rows], qvel=self.qvel[rows])
 
     @cached_property
     def points(self) -> Array:

@@ -91,11 +91,6 @@ class UserScene:
         """MuJoCo's default solver tolerance, reduced by the ratio of inertias."""
         return float(f"{mujoco.MjOption().tolerance * self.inertia_ratio:.3g}")
 
-    @cached_property
-    def characteristic_length(self) -> float:
-        """Characteristic length of the mechanism, in [m]."""
-        return self.mechanism.characteristic_length
-
     def controls(self, model: mujoco.MjModel, first: int, count: int, phase: float = 0.0) -> Array:
         """Return the actuator controls and applied forces of steps, (count, nu + nv).
 

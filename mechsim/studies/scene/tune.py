@@ -152,11 +152,6 @@ class Tuned:
             f"{before:.2g} m{times}; tuning by trajectory bounds it"
         ]
 
-    @property
-    def evaluator(self) -> SceneEvaluator:
-        """Evaluator of the errors of other runs of the scene."""
-        return self.reference.evaluator(self.by)
-
 
 @dataclass
 class _SettingSearch:
@@ -291,9 +286,7 @@ def _longest(
     while low < high and not search.ended:
         middle = (low + high) // 2
         proposals = (step_sizes.loop_settings(search.scene, steps[middle], *probe) for probe in probes)
-        satisfied = any(
-            not search.ended and search.satisfies(search.trial(settings)) for settings in proposals
-        )
+        satisfied = any(not search.ended and search.satisfies(search.trial(trial)) for trial in proposals)
         low, high = (low, middle) if satisfied else (middle + 1, high)
     return [*steps[max(0, low - LONGER_STEPS) : low + 2]]
 
@@ -340,8 +333,7 @@ def _timed(search: _SettingSearch, trials: Sequence[SceneTrial]) -> list[SceneTr
     """Return trials with times measured in the same rounds; fewer rounds after the end of the budget."""
     scene = search.scene
     rounds = TIMING_ROUNDS if search.budget.fraction < 1.0 else LATE_ROUNDS
-    runs = [(scene, trial.settings.applied(scene.model)) for trial in trials]
-    times = step_times(runs, rounds) if runs else []
+    times = step_times([(scene, trial.settings.applied(scene.model)) for trial in trials], rounds)
     return [replace(trial, seconds=float(time)) for trial, time in zip(trials, times, strict=True)]
 
 

@@ -178,9 +178,12 @@ def tune(
             raise InputError(f"-o {output} is the input file; name another file")
         scene, notes = open_scene(path, ctrl=ctrl, **options)
         scene = replace(scene, allowed=tuple(allow))
-        if by == "closure":
-            scene, note = _with_closed_start(scene, limit)
-            notes += note
+        if by == "closure" and (error := _start_gap(scene, limit)):
+            scene = with_assembled_start(scene)
+            notes += (
+                f"{scene.path}: its loops are open by {error:.2g} m at the initial pose; the tuned file "
+                f"starts assembled, in keyframe {KEY}",
+            )
         seconds = si(budget, "s", "the budget")
         result = tuned(scene, limit, cast(By, by), budget=seconds, progress=progress)
         if not np.isfinite(result.closest.errors.by(result.by)):
@@ -192,18 +195,14 @@ def tune(
         return _written(result, target, None if python is None else Path(python), notes)
 
 
-def _with_closed_start(scene: UserScene, tolerance: float) -> tuple[UserScene, tuple[str, ...]]:
-    """Return a scene whose initial pose satisfies a tolerance, and a note if the file's pose does not."""
+def _start_gap(scene: UserScene, tolerance: float) -> float:
+    """Return the error of the initial pose in [m]; zero if the scene satisfies a tolerance from there."""
     error = start_error(scene)
     if error <= AIMED_FRACTION * tolerance or (
         error <= tolerance and SceneEvaluator().errors(run_scene(scene, records=None)).closure <= tolerance
     ):
-        return scene, ()
-    note = (
-        f"{scene.path}: its loops are open by {error:.2g} m at the initial pose; the tuned file starts "
-        f"assembled, in keyframe {KEY}"
-    )
-    return with_assembled_start(scene), (note,)
+        return 0.0
+    return error
 
 
 def _written(result: Tuned, path: Path, script: Path | None, notes: tuple[str, ...]) -> TunedModel:
@@ -216,7 +215,7 @@ def _written(result: Tuned, path: Path, script: Path | None, notes: tuple[str, .
 
     def finish(read_back: UserScene) -> str:
         run = run_scene(read_back, records=None)
-        reports.append(replace(result, errors=result.evaluator.errors(run)))
+        reports.append(replace(result, errors=result.reference.evaluator(result.by).errors(run)))
         comment = _comment(reports[0], scene, laws)
         return tuned_text(result.scene, best.settings, comment, path.parent).after
 

@@ -301,9 +301,8 @@ class MovedFamily:
         def numbers(values: Mapping[str, float]) -> Array:
             mechanism = with_inertia(designs.describe(values))
             # if a file defines the forces, its dimensions may change them
-            if designs.forces is None:
-                return model_numbers(mechanism, still)
-            return model_numbers(mechanism, self.forces or designs.forces(values) or WEIGHT)
+            forces = still if designs.forces is None else self.forces or designs.forces(values) or WEIGHT
+            return model_numbers(mechanism, forces)
 
         return numbers
 

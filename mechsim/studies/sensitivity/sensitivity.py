@@ -97,7 +97,7 @@ def per(unit: str, by: str) -> str:
     """Return the unit of a derivative."""
     if unit == by:
         return "1"
-    return unit if by == "1" else f"{'1' if unit == '1' else unit}/{by}"
+    return unit if by == "1" else f"{unit}/{by}"
 
 
 def dimension_names(moved: MovedFamily, to: str | Sequence[str]) -> list[str]:
@@ -316,9 +316,7 @@ def tolerance_study(table: Sensitivity, tolerances: Mapping[str, str | float] | 
         name: [{column: by[name][column] * tolerance for column in columns}]
         for name, tolerance in requested.bounds.items()
     }
-    plays = {
-        joint: [{column: radius * own[column] for column in columns} for own in moved.play(columns, joint)]
-        for joint, radius in requested.clearances.items()
-    }
-    contributions |= {joint + CLEARANCE: own for joint, own in plays.items()}
+    for joint, radius in requested.clearances.items():
+        plays = moved.play(columns, joint)
+        contributions[joint + CLEARANCE] = [{name: radius * own[name] for name in columns} for own in plays]
     return ToleranceStudy(table, requested, contributions)

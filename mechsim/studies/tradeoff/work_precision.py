@@ -150,13 +150,8 @@ class Tradeoff:
             "trials": len(self.points),
             **attributes(self, "left_out", "untried", "seconds"),
             "recommended": [
-                {
-                    "limit": max_error,
-                    "point": None
-                    if point is None
-                    else point.as_dict() | {"settings": point.settings.as_dict()},
-                }
-                for max_error, point in ((limit, self.choice(limit, quantity)) for limit in BOUNDS)
+                {"limit": limit, "point": point and point.as_dict() | {"settings": point.settings.as_dict()}}
+                for limit, point in ((limit, self.choice(limit, quantity)) for limit in BOUNDS)
             ],
             "pareto": [point.as_dict() for point in self.front(quantity)],
             "orders": orders,

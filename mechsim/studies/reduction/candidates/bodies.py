@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any, Literal
 
 import mujoco
@@ -94,41 +95,32 @@ MAX_DISPLACEMENT = 0.02
 def locked_joints(observed: Evidence) -> list[RemovalCandidate]:
     """Propose to lock each hinge and slide that hardly moves, the smallest displacement first."""
     candidates: list[tuple[float, RemovalCandidate]] = []
+    length = observed.scene.mechanism.characteristic_length
     for joint in observed.spec.joints:
         if joint.type not in SCALAR or joint.name in observed.scene.joint_laws:
             continue
         values = observed.values(joint.name)
-        unit = observed.length if joint.type == mujoco.mjtJoint.mjJNT_SLIDE else 1.0
+        unit = length if joint.type == mujoco.mjtJoint.mjJNT_SLIDE else 1.0
         displacement = float(np.ptp(values)) / unit
         if displacement > MAX_DISPLACEMENT:
             continue
         middle = 0.5 * float(values.min() + values.max())
         distance = f"{displacement * unit:.2g} {'rad' if unit == 1.0 else 'm'}"
         what = f"joint {joint.name}, which moved by {distance}: locked"
-        edit = lambda spec, name=joint.name, value=middle: fuse(spec, name, value)  # noqa: E731
+        edit = partial(fuse, name=joint.name, value=np.array([middle]))
         candidates.append((displacement, RemovalCandidate("locked joints", what, edit)))
     return [candidate for _, candidate in sorted(candidates, key=lambda pair: pair[0])]
 
 
-def fuse(spec: mujoco.MjSpec, name: str, value: float) -> None:
-    """Remove a hinge or slide that no element uses; its body keeps the pose at a joint value.
+def fuse(spec: mujoco.MjSpec, name: str, value: Array) -> None:
+    """Remove a joint that no element uses; its body keeps the pose at coordinates, (1,) or of a ball (4,).
 
     Raises:
         NotApplicable: if the joint is missing or in use, or its body has other joints, which would move with
             the body.
     """
-    existing(spec, "joint", name)
+    (joint,) = existing(spec, "joint", name)
     require_unused(spec, name)
-    fuse_joint_at(spec, name, np.array([value]))
-
-
-def fuse_joint_at(spec: mujoco.MjSpec, name: str, value: Array) -> None:
-    """Remove a joint; its body keeps the pose at joint coordinates, (1,) or of a ball (4,).
-
-    Raises:
-        NotApplicable: if its body has other joints, which would move with the body.
-    """
-    joint = spec.joint(name)
     model = plainly_compiled(spec)
     data, own = mujoco.MjData(model), model.joint(name)
     address = slice(int(own.qposadr[0]), int(own.qposadr[0]) + len(value))
@@ -223,12 +215,9 @@ def touching_bodies(observed: Evidence) -> list[str]:
 
 def needed_bodies(observed: Evidence) -> set[str]:
     """Return the bodies of driven joints and of actuators that have a motion law."""
-    spec, bodies = observed.spec, set[str]()
-    for name in observed.scene.joint_laws:
-        bodies.add(body_of(spec.joint(name)))
-    for name in observed.scene.ctrl:
-        bodies |= bodies_of(spec, spec.actuator(name))
-    return bodies
+    spec = observed.spec
+    driven = {body_of(spec.joint(name)) for name in observed.scene.joint_laws}
+    return driven.union(*(bodies_of(spec, spec.actuator(name)) for name in observed.scene.ctrl))
 
 
 def bodies_of(spec: mujoco.MjSpec, actuator: mujoco.MjsActuator) -> set[str]:
@@ -280,19 +269,14 @@ def _fixed_bodies(model: mujoco.MjModel) -> set[int]:
 
 def fused_bodies(observed: Evidence) -> list[RemovalCandidate]:
     """Propose to fuse all bodies without joints with their parents, except tracked bodies."""
-    bodies = [
-        body
-        for body in list(observed.spec.bodies)[1:]
-        if not body.joints and body.name not in observed.tracked
-    ]
-    if not bodies:
-        return []
-    what = f"{count_text(len(bodies), 'body', 'bodies')} without joints, fused with their parents"
-    return [RemovalCandidate("fused bodies", what, lambda spec: _fused(spec, observed.tracked))]
+    bodies = list(observed.spec.bodies)[1:]
+    count = sum(not body.joints and body.name not in observed.tracked for body in bodies)
+    what = f"{count_text(count, 'body', 'bodies')} without joints, fused with their parents"
 
+    def edit(spec: mujoco.MjSpec) -> None:
+        for name in observed.tracked:
+            spec.body(name).fuse = 0
+        if not spec.fuse_static():
+            raise NotApplicable("no body can be fused")
 
-def _fused(spec: mujoco.MjSpec, tracked: frozenset[str]) -> None:
-    for name in tracked:
-        spec.body(name).fuse = 0
-    if not spec.fuse_static():
-        raise NotApplicable("no body can be fused")
+    return [RemovalCandidate("fused bodies", what, edit)] if count else []

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from functools import partial
+from itertools import permutations
 
 import mujoco
 import numpy as np
@@ -18,11 +19,10 @@ from mechsim.studies.reduction.candidates.bodies import (
     bodies_of,
     count_text,
     existing,
-    fuse_joint_at,
+    fuse,
     joints_of,
     name_list,
     needed_bodies,
-    require_unused,
     touching_bodies,
 )
 from mechsim.studies.reduction.reduced_scene import Evidence
@@ -54,14 +54,12 @@ def loose_chains(observed: Evidence) -> list[LooseChain]:
     for equality in spec.equalities:
         if equality.type not in (CONNECT, WELD) or not equality.name2:
             continue
-        ends = (equality.name1, equality.name2)
-        for chain_site, other_site in (ends, ends[::-1]):
+        for chain_site, other_site in permutations((equality.name1, equality.name2)):
             chain = _chain(spec, chain_site, other_site, kept)
-            if chain:
-                joints = tuple(joint.name for body in chain for joint in body.joints)
-                names = tuple(body.name for body in chain)
-                if not _used(spec, names, joints, equality.name):
-                    chains.append(LooseChain(equality.name, chain_site, other_site, names, joints))
+            joints = tuple(joint.name for body in chain for joint in body.joints)
+            names = tuple(body.name for body in chain)
+            if joints and not _used(spec, names, joints, equality.name):
+                chains.append(LooseChain(equality.name, chain_site, other_site, names, joints))
     return sorted(chains, key=lambda chain: len(chain.joints))
 
 
@@ -71,7 +69,7 @@ def kept_bodies(observed: Evidence) -> set[str]:
 
 
 def _chain(spec: mujoco.MjSpec, chain_site: str, other_site: str, kept: set[str]) -> list[mujoco.MjsBody]:
-    """Return the passive bodies from a remaining body to the site, its own body last; none without joints."""
+    """Return the passive bodies from a remaining body to the site, its own body last."""
     above = set[str]()
     body = spec.site(other_site).parent
     while body is not None and body.name != "world":
@@ -86,7 +84,7 @@ def _chain(spec: mujoco.MjSpec, chain_site: str, other_site: str, kept: set[str]
             break
         chain.insert(0, body)
         body = body.parent
-    return chain if any(child.joints for child in chain) else []
+    return chain
 
 
 def _used(spec: mujoco.MjSpec, bodies: tuple[str, ...], joints: tuple[str, ...], closing: str) -> bool:
@@ -216,22 +214,18 @@ def _shared(spec: mujoco.MjSpec, chain: LooseChain, parent: str, anchor: Array) 
 
 def passive_chains(observed: Evidence) -> list[RemovalCandidate]:
     """Propose to fuse each passive chain and each passive leaf body."""
-    fused: list[tuple[LooseChain, str]] = []
+    candidates: list[RemovalCandidate] = []
     for chain in loose_chains(observed):
         joints = f"{count_text(len(chain.joints), 'joint')}, {name_list(chain.joints)}"
-        fused.append((chain, f"loop {chain.closing} with {joints}: fused"))
+        edit = partial(_fused, closing=chain.closing, coordinates=_coordinates(observed, chain.joints))
+        what = f"loop {chain.closing} with {joints}: fused"
+        candidates.append(RemovalCandidate("passive chains", what, edit))
     for name in _leaves(observed):
         joints = tuple(joint.name for joint in observed.spec.body(name).joints)
+        edit = partial(_fused, closing="", coordinates=_coordinates(observed, joints))
         what = f"{count_text(len(joints), 'joint')} of {name}, which has no tracked point: fused"
-        fused.append((LooseChain("", "", "", (name,), joints), what))
-    return [
-        RemovalCandidate(
-            "passive chains",
-            what,
-            partial(_fused, chain=chain, coordinates=_coordinates(observed, chain.joints)),
-        )
-        for chain, what in fused
-    ]
+        candidates.append(RemovalCandidate("passive chains", what, edit))
+    return candidates
 
 
 def _leaves(observed: Evidence) -> list[str]:
@@ -253,18 +247,15 @@ def _coordinates(observed: Evidence, joints: tuple[str, ...]) -> dict[str, Array
     """Return the coordinates of joints halfway through the motion."""
     model, state = observed.model, observed.qpos[len(observed.qpos) // 2]
     coordinates: dict[str, Array] = {}
-    for name in joints:
-        address = int(model.joint(name).qposadr[0])
-        width = 4 if int(model.joint(name).type[0]) == int(mujoco.mjtJoint.mjJNT_BALL) else 1
-        coordinates[name] = state[address : address + width].copy()
+    for joint in map(model.joint, joints):
+        address = int(joint.qposadr[0])
+        width = 4 if int(joint.type[0]) == int(mujoco.mjtJoint.mjJNT_BALL) else 1
+        coordinates[joint.name] = state[address : address + width].copy()
     return coordinates
 
 
-def _fused(spec: mujoco.MjSpec, chain: LooseChain, coordinates: dict[str, Array]) -> None:
-    existing(spec, "joint", *chain.joints)
-    if chain.closing:
-        spec.delete(*existing(spec, "equality", chain.closing))
-    for name in chain.joints:
-        require_unused(spec, name)
+def _fused(spec: mujoco.MjSpec, closing: str, coordinates: dict[str, Array]) -> None:
+    if closing:
+        spec.delete(*existing(spec, "equality", closing))
     for name, value in coordinates.items():
-        fuse_joint_at(spec, name, value)
+        fuse(spec, name, value)
