@@ -11,7 +11,7 @@ import numpy as np
 from mechsim.errors import FrictionError
 from mechsim.kinetics.compiled_model import CompiledModel, NotCompiledError, c_fields
 from mechsim.kinetics.contacts import ContactMode, Contacts
-from mechsim.kinetics.initial_state import StateLayout, projected
+from mechsim.kinetics.initial_state import StateLayout
 from mechsim.kinetics.right_hand_side import RightHandSide
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.gauss_collocation import STIFF_NODES, TAIL, rule
@@ -19,7 +19,7 @@ from mechsim.numerics.gauss_collocation import STIFF_NODES, TAIL, rule
 FINISHED, FULL, BLOCKED, FAILED = range(4)
 # largest relative difference of the derivatives by C and by numpy: rounding near a singular configuration
 AGREED = 1e-7
-# index of a coordinate, and values in units between which it is watched
+# index of a component of states, and values in units between which it is watched
 Watched = tuple[int, float, float]
 NOTHING: Watched = (-1, 0.0, 0.0)
 # numbers of a step in C, of which the last four belong to the balance of energy
@@ -98,7 +98,8 @@ class StepSettings:
         at_rest: indices of the coordinates that friction or stops hold.
         implicit: whether Newton's method solves the stiff equations of a step; if not, rates are scaled to
             the energy.
-        watched: index of a coordinate, and its values in units beyond which the steps end; -1 for none.
+        watched: index of a component of states, and its values in units beyond which the steps end; -1 for
+            none.
     """
 
     tolerance: float
@@ -214,17 +215,17 @@ def agreed_pivot(model: CompiledModel, right: RightHandSide, state: Array, time:
     fastest = max(1.0, float(np.abs(rates).max()))
     moving = rates.copy()
     moving[equations.free, 0] += fastest * np.cos(1.0 + np.arange(len(equations.free)))
-    moving = projected(equations, q, moving, times)[1]
-    sample = layout.pack(q, moving, work, lost)
-    kinematics = equations.kinematics(q, moving, layout.activation(sample[None]))
+    moved = layout.pack(q, moving, work, lost)[None]
+    sample = evaluated(model, moved, times, right.mode, closing=True).states
+    kinematics = equations.kinematics(*layout.unpack_states(sample), layout.activation(sample))
     sliding = np.sign(equations.friction_rates(kinematics)[:, 0])
     mode = ContactMode(sliding, phases=right.contacts.phases(kinematics))
-    result = evaluated(model, sample[None], times, mode)
+    result = evaluated(model, sample, times, mode)
     try:
         dynamics = Contacts(equations).accelerate(kinematics, times, mode)
     except FrictionError:
         raise NotCompiledError("friction that may not be unique") from None
-    expected = layout.derivatives(sample[None], kinematics, dynamics)[0]
+    expected = layout.derivatives(sample, kinematics, dynamics)[0]
     with np.errstate(invalid="ignore"):  # forces that are not finite are reported by the run
         model.agreed = bool(np.abs(result.derivatives[0] - expected).max() <= AGREED * np.abs(expected).max())
     if not model.agreed:

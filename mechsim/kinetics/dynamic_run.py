@@ -16,7 +16,7 @@ from mechsim.kinematics.loops.kinematics import Coordinates
 from mechsim.kinetics.clearances import require_in_holes
 from mechsim.kinetics.compiled_model import CompiledModel
 from mechsim.kinetics.compiled_motion import DenseSteps, evaluated
-from mechsim.kinetics.contacts import CLOSED_GAP, ContactMode, Stop, gap_indices, stops_of
+from mechsim.kinetics.contacts import CLOSED_GAP, ContactMode, EventFunction, Stop, gap_indices, stops_of
 from mechsim.kinetics.crank_turns import TURNS_BUDGET, CrankTurns
 from mechsim.kinetics.equations_of_motion import (
     EquationsOfMotion,
@@ -303,7 +303,8 @@ def _run_until(integration: Integration, end: float, event: Event, text: str | N
             f"{equations.model.mechanism.name}: {text} holds at the start already, where the run would end; "
             "start elsewhere, or give an event that is reached later"
         )
-    trajectory = integration.run(end, {UNTIL: lambda state, _: event.function(equations, state)})
+    ends: dict[str, EventFunction] = {UNTIL: lambda state, _: event.function(equations, state)}
+    trajectory = integration.run(end, ends, watched=event.watched(equations, first))
     if trajectory.outcome != "done" or trajectory.event:
         return trajectory
     return replace(trajectory, outcome="time over", reason=f"{text} was not reached within {end:g} s")

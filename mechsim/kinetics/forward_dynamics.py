@@ -17,7 +17,6 @@ from typing import Any, Literal
 import numpy as np
 
 from mechsim.errors import AssemblyError, FrictionError, MissingToolError, OutputError
-from mechsim.kinematics.loops.kinematics import Coordinates
 from mechsim.kinetics.compiled_model import CompiledModel, NotCompiledError, compiled_model
 from mechsim.kinetics.compiled_motion import (
     BLOCKED,
@@ -78,13 +77,12 @@ class EnergyBalance:
     """
 
     def __init__(self, equations: EquationsOfMotion, start: Kinematics) -> None:
-        self.equations, self.drift = equations, 0.0
+        self.drift = 0.0
         self.largest, potential = equations.energy(start)
         self.initial, self.correction = self.largest + potential, 0.0
 
-    def balanced(self, q: Coordinates, rates: Array, gained: float) -> Array:
-        """Return rates scaled to the initial energy plus the energy gained, in [J]."""
-        kinetic, potential = self.equations.energy(self.equations.kinematics(q, rates))
+    def balanced(self, rates: Array, kinetic: float, potential: float, gained: float) -> Array:
+        """Return rates of two energies scaled to the initial energy plus the energy gained, in [J]."""
         self.largest = max(self.largest, kinetic)
         target = self.initial + gained - potential
         least = max(SLOW * self.largest, ROUNDED * (abs(self.initial) + abs(potential)))
@@ -266,7 +264,7 @@ class Integration:
             duration: latest end in [s].
             ends: name of an event that ends the run -> function that falls through zero there.
             expected: expected end in [s]; the default is the duration.
-            watched: index of a coordinate, and its values in units beyond which one of the ends lies.
+            watched: index of a component of states, and its values in units beyond which an end lies.
         """
         outcome: Outcome = "done"
         reason = ""
@@ -418,7 +416,7 @@ class Integration:
             )
             self.right.evaluations += steps.evaluations
             if steps.solution is not None:
-                kind = self._accept_steps(steps, steps.solution)
+                kind = self._accept_steps(steps, steps.solution, locked)
                 self.progress(f"{self.time:.4g} s", min(1.0, self.time / self.duration))
                 if ended := self._beyond_stop() or self._budget_spent():
                     return ended
@@ -430,7 +428,7 @@ class Integration:
             length, max_steps = steps.length, min(2 * max_steps, MANY_STEPS)
         return None
 
-    def _accept_steps(self, steps: StepsInC, solution: DenseSteps) -> str | None:
+    def _accept_steps(self, steps: StepsInC, solution: DenseSteps, locked: Sequence[int]) -> str | None:
         """Accept steps in C up to their end or their first event; return the kind of the event."""
         event, mode = self._first_event(solution, self.time, steps.time), self.right.mode
         last, count = (steps.time if event is None else event[0]), len(steps.balances)
@@ -445,7 +443,7 @@ class Integration:
             )
         if event is None:
             return None
-        self._project(solution(last))
+        self._project(solution(last), locked)
         return event[1]
 
     def _solver(self, duration: float) -> GaussCollocation:
@@ -520,12 +518,22 @@ class Integration:
         self._project(state if event is None else solution(last))
         return None if event is None else event[1]
 
-    def _project(self, state: Array) -> None:
-        """Take a state at the present time, projected onto the loops and the balance of energy."""
-        state = self.right.nearest_on_loops(np.array([self.time]), state[None])[0]
+    def _project(self, state: Array, locked: Sequence[int] | None = None) -> None:
+        """Take a state at the present time, projected onto the loops and the balance of energy.
+
+        C does it with the coordinates `locked` that stops and sticking frictions hold, if there are any.
+        """
+        times, energies = np.array([self.time]), None
+        if self.compiled is not None and locked is not None and not self.equations.prescribed:
+            in_c = evaluated(self.compiled, state[None], times, self.right.mode, locked, closing=True)
+            if np.isfinite(in_c.derivatives).all():
+                state, energies = in_c.states[0], (float(in_c.kinetic[0]), float(in_c.potential[0]))
+        if energies is None:
+            state = self.right.nearest_on_loops(times, state[None])[0]
         q, rates, work, lost = self.layout.unpack(state)
         if not (self.implicit or self.equations.prescribed):
-            rates = self.balance.balanced(q, rates, work - lost)
+            energies = energies or self.equations.energy(self.equations.kinematics(q, rates))
+            rates = self.balance.balanced(rates, *energies, work - lost)
         self.fastest = max(self.fastest, float(np.abs(rates).max(initial=0.0)))
         self.state = self.layout.replaced(state[None], q, rates)[0]
 

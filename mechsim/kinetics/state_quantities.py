@@ -10,7 +10,9 @@ from mechsim import units
 from mechsim.errors import InputError
 from mechsim.kinematics.loops.kinematics import Coordinates, twists
 from mechsim.kinematics.loops.record import tracked_points, tree_joint_motions
+from mechsim.kinetics.compiled_motion import NOTHING, Watched
 from mechsim.kinetics.equations_of_motion import EquationsOfMotion, Kinematics
+from mechsim.kinetics.initial_state import StateLayout
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.motion import LinkMotion, Motion, leading_joint
 from mechsim.mechanism.quantities import numeric_quantity
@@ -85,8 +87,19 @@ def state_quantity(name: str, mechanism: Mechanism) -> Quantity:
     return result
 
 
+def tree_coordinate(equations: EquationsOfMotion, quantity: Quantity) -> tuple[int, int] | None:
+    """Return index and order of a quantity that is a coordinate of the tree or its rate; None for others."""
+    column, index_of = quantity.columns[0], equations.loops.tree.index_of
+    if quantity.function or column.source != "joint" or column.subject not in index_of:
+        return None
+    return index_of[column.subject], column.order
+
+
 def values_at(equations: EquationsOfMotion, quantity: Quantity, state: Kinematics) -> Array:
     """Return a quantity at n states, (n,)."""
+    if (coordinate := tree_coordinate(equations, quantity)) is not None:
+        index, order = coordinate
+        return state.rates[index] * equations.loops.units[index] if order else state.q.values[index]
     motion = motion_of(equations, state, None, np.zeros(len(state.q)), quantity)
     return quantity.number(record_columns(motion, [quantity]))
 
@@ -106,6 +119,16 @@ class Event:
         # the jump of an angle between links by a whole revolution is no crossing
         difference = wrapped(difference)
         return np.where(np.abs(difference) < 0.5 * np.pi, difference, np.nan)
+
+    def watched(self, equations: EquationsOfMotion, before: float) -> Watched:
+        """Return the component of states that reaches a value at the event, from a difference before it."""
+        coordinate = tree_coordinate(equations, self.quantity)
+        if coordinate is None:
+            return NOTHING
+        index, order = coordinate
+        component = index + order * StateLayout(equations).positions
+        value = self.value / float(equations.loops.units[index])
+        return (component, -np.inf, value) if before < 0.0 else (component, value, np.inf)
 
 
 def parse_event(mechanism: Mechanism, text: str, written: units.WrittenUnits = units.SI_UNITS) -> Event:

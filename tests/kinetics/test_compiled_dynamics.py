@@ -297,7 +297,7 @@ def test_a_new_attribute_is_decided_for_the_c_code(described):
 
 @pytest.mark.long
 def test_an_element_that_c_lacks_is_noticed_in_the_accelerations(monkeypatch):
-    monkeypatch.setattr(in_c, "spring_table", lambda _: np.zeros(0, in_c.SPRING))
+    monkeypatch.setattr(in_c, "spring_table", lambda _: np.zeros(0, in_c.record("Spring")))
     run = run_of(Forces(springs=(Spring("A", ("ground", (0.3, -0.2, 0.0)), 50.0),)))
     assert run.executed == "numpy"
     assert "changes the accelerations" in run.note

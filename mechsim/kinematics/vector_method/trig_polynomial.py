@@ -111,7 +111,10 @@ class TrigPolynomial:
             derivative_value = self.value(angle, derivative + 1)
             if abs(derivative_value) <= FLAT_DERIVATIVE * self.scale:
                 break
-            angle -= float(np.clip(self.value(angle, derivative) / derivative_value, -1e-2, 1e-2))
+            step = min(max(self.value(angle, derivative) / derivative_value, -1e-2), 1e-2)
+            angle -= step
+            if abs(step) <= ROOT_ROUNDING:
+                break
         return angle
 
 
