@@ -30,12 +30,14 @@ class CrankTurns:
 
     Attributes:
         equations: equations of motion.
+        crank: index of the crank's coordinate.
         turns: number of revolutions; negative for backwards.
         start: initial crank angle in [rad].
         speed: initial crank speed in [rad/s].
     """
 
     equations: EquationsOfMotion
+    crank: int
     turns: float
     start: float
     speed: float
@@ -50,20 +52,14 @@ class CrankTurns:
         crank = equations.loops.tree.index_of[equations.model.mechanism.crank.name]
         if not 0.0 < abs(turns) < np.inf:
             raise InputError(f"turns of the crank are {turns}; give a finite number other than 0")
-        return cls(equations, turns, float(state.q.values[crank, 0]), float(state.rates[crank, 0]))
-
-    @property
-    def _crank(self) -> int:
-        crank = self.equations.crank
-        assert crank is not None
-        return crank
+        return cls(equations, crank, turns, float(state.q.values[crank, 0]), float(state.rates[crank, 0]))
 
     def trajectory(self, integration: Integration, duration: float | None) -> Trajectory:
         """Return the trajectory to the last revolution, or to a time in [s], with its outcome."""
         expected = self.expected_time(integration.kinematics()) if duration is None else duration
         latest = PATIENCE * expected if duration is None else duration
         distance = REVOLUTION * abs(self.turns)
-        watched = self._crank, self.start - distance, self.start + distance
+        watched = self.crank, self.start - distance, self.start + distance
         trajectory = integration.run(latest, self.functions(expected), expected, watched)
         outcome, reason = self.outcome(trajectory, integration.kinematics(), latest)
         return replace(trajectory, outcome=outcome, reason=reason)
@@ -73,7 +69,7 @@ class CrankTurns:
         sign, distance = float(np.sign(self.turns)), REVOLUTION * abs(self.turns)
 
         def travelled(state: Kinematics) -> Array:
-            return sign * (state.q.values[self._crank] - self.start)
+            return sign * (state.q.values[self.crank] - self.start)
 
         ends: dict[str, EventFunction] = {
             "turns": lambda state, _: distance - travelled(state),
@@ -85,7 +81,7 @@ class CrankTurns:
             slow = SLOW * distance / expected
 
             def forwards(state: Kinematics, _: Array) -> Array:
-                rate = sign * state.rates[self._crank]
+                rate = sign * state.rates[self.crank]
                 at_start = (np.abs(travelled(state)) <= MOVED) & (np.abs(rate) <= 10.0 * slow)
                 return np.where(at_start, -slow, rate + slow)
 
@@ -95,7 +91,7 @@ class CrankTurns:
     def expected_time(self, state: Kinematics) -> float:
         """Return the expected time in [s] of the revolutions, from the initial acceleration and the motor."""
         none = np.zeros(len(self.equations.frictions))
-        acceleration = self.equations.accelerate(state, np.zeros(1), none).acceleration[self._crank]
+        acceleration = self.equations.accelerate(state, np.zeros(1), none).acceleration[self.crank]
         speed = max(abs(self.speed), float(np.sqrt(np.abs(acceleration[0]))))
         motor = self.equations.model.forces.motor
         if motor is not None:
@@ -106,7 +102,7 @@ class CrankTurns:
         """Return outcome and reason of a run that ended in a state; `latest` is its time limit in [s]."""
         if trajectory.outcome not in ("done", "stopped"):
             return trajectory.outcome, trajectory.reason
-        angle, time = float(state.q.values[self._crank, 0]), trajectory.end
+        angle, time = float(state.q.values[self.crank, 0]), trajectory.end
         made, from_rest = (angle - self.start) / REVOLUTION, self.speed == 0.0
         if trajectory.event == "turns":
             return "done", ""

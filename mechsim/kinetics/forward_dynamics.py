@@ -124,7 +124,7 @@ INSTANTS = np.concatenate([[0.0], np.geomspace(1e-7, 1e-2, 10), np.linspace(0.0,
 WITHIN, WITHIN_STIFF = 4, 16
 # numbers of steps that C takes before events are searched: those beyond an event are lost, few where contacts
 # change, some where the run may end
-FEW_STEPS, SOME_STEPS, MANY_STEPS = 8, 64, 512
+FEW_STEPS, SOME_STEPS, MANY_STEPS = 8, 16, 512
 # difference of the instants of simultaneous events, relative to the longest interval of the search: rounding
 SIMULTANEOUS = 1e-10
 

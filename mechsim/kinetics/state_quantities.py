@@ -13,10 +13,11 @@ from mechsim.kinematics.loops.record import tracked_points, tree_joint_motions
 from mechsim.kinetics.compiled_motion import NOTHING, Watched
 from mechsim.kinetics.equations_of_motion import EquationsOfMotion, Kinematics
 from mechsim.kinetics.initial_state import StateLayout
+from mechsim.mechanism.links import AXES
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.motion import LinkMotion, Motion, leading_joint
 from mechsim.mechanism.quantities import numeric_quantity
-from mechsim.mechanism.quantity import Quantity, record_columns
+from mechsim.mechanism.quantity import Column, Quantity, record_columns
 from mechsim.numerics.arrays import Array, cross, wrapped
 
 
@@ -25,16 +26,10 @@ def motion_of(
     state: Kinematics,
     accelerations: Array | None,
     times: Array,
-    only: Quantity | None = None,
 ) -> Motion:
-    """Return the motion of links, joints and points at n states and their accelerations, (count, n), or none.
-
-    If `only` a quantity is needed, it contains the first driver, and the joints and points of that.
-    """
+    """Return the motion of links, joints and points at n states with accelerations, (count, n), or none."""
     tree, mechanism = equations.loops.tree, equations.model.mechanism
-    names, scale = None, equations.loops.units[:, None]
-    if only is not None:
-        names = {*only.subjects("joint"), *only.subjects("point"), *mechanism.drivers[:1]}
+    scale = equations.loops.units[:, None]
     second, spatial = np.zeros_like(state.rates), np.zeros_like(state.twist)
     if accelerations is not None:
         second = accelerations * scale
@@ -48,15 +43,14 @@ def motion_of(
     motions = origins, rotations, velocities, spins, accelerations_of, spins_second
     links = {name: LinkMotion(*(values[i] for values in motions)) for name, i in tree.links.items()}
     values = state.q.values, state.rates * scale, second
-    needed = [j for j in mechanism.joints if names is None or not names.isdisjoint(j.coordinates)]
-    joints = tree_joint_motions(tree, needed, links, values)
+    joints = tree_joint_motions(tree, mechanism.joints, links, values)
     first = leading_joint(joints, mechanism.drivers, len(times))
     return Motion(
         source="loop equations",
         angle=first.value,
         speed=first.rate,
         acceleration=first.acceleration,
-        points=tracked_points(mechanism, links, names),
+        points=tracked_points(mechanism, links),
         links=links,
         joints=joints,
         time=times,
@@ -87,21 +81,32 @@ def state_quantity(name: str, mechanism: Mechanism) -> Quantity:
     return result
 
 
-def tree_coordinate(equations: EquationsOfMotion, quantity: Quantity) -> tuple[int, int] | None:
-    """Return index and order of a quantity that is a coordinate of the tree or its rate; None for others."""
-    column, index_of = quantity.columns[0], equations.loops.tree.index_of
-    if quantity.function or column.source != "joint" or column.subject not in index_of:
+def _column_at(state: Kinematics, column: Column) -> Array | None:
+    """Return a column at n states, (n,), if it is one of a coordinate of the tree or of a point of a link."""
+    loops, points = state.equations.loops, state.equations.model.mechanism.points
+    index = loops.tree.index_of.get(column.subject) if column.source == "joint" else None
+    if index is not None:
+        return state.rates[index] * loops.units[index] if column.order else state.q.values[index]
+    link, local = points.get(column.subject, ("", None)) if column.source == "point" else ("", None)
+    if local is None or link not in loops.tree.links:
         return None
-    return index_of[column.subject], column.order
+    i, axis = loops.tree.links[link], AXES.index(column.name[-1])
+    position = state.poses.position[i] + np.einsum("ijn,j->in", state.poses.rotation[i], np.array(local))
+    if not column.order:
+        return position[axis]
+    before, after = axis - 2, axis - 1
+    linear, spin = state.twist[i, :3], state.twist[i, 3:]
+    return linear[axis] + spin[before] * position[after] - spin[after] * position[before]
 
 
 def values_at(equations: EquationsOfMotion, quantity: Quantity, state: Kinematics) -> Array:
-    """Return a quantity at n states, (n,)."""
-    if (coordinate := tree_coordinate(equations, quantity)) is not None:
-        index, order = coordinate
-        return state.rates[index] * equations.loops.units[index] if order else state.q.values[index]
-    motion = motion_of(equations, state, None, np.zeros(len(state.q)), quantity)
-    return quantity.number(record_columns(motion, [quantity]))
+    """Return a quantity of positions and velocities at n states, (n,)."""
+    columns = {column.name: _column_at(state, column) for column in quantity.columns}
+    direct = {name: column for name, column in columns.items() if column is not None}
+    if len(direct) < len(columns):
+        motion = motion_of(equations, state, None, np.zeros(len(state.q)))
+        direct = record_columns(motion, [quantity])
+    return quantity.number(direct)
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,11 +127,11 @@ class Event:
 
     def watched(self, equations: EquationsOfMotion, before: float) -> Watched:
         """Return the component of states that reaches a value at the event, from a difference before it."""
-        coordinate = tree_coordinate(equations, self.quantity)
-        if coordinate is None:
+        column, index_of = self.quantity.columns[0], equations.loops.tree.index_of
+        if self.quantity.kind not in ("joint", "joint rate") or column.subject not in index_of:
             return NOTHING
-        index, order = coordinate
-        component = index + order * StateLayout(equations).positions
+        index = index_of[column.subject]
+        component = index + column.order * StateLayout(equations).positions
         value = self.value / float(equations.loops.units[index])
         return (component, -np.inf, value) if before < 0.0 else (component, value, np.inf)
 

@@ -1,6 +1,6 @@
 """Joint coordinates and positions of points, with their rates, from the motion of links."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -48,14 +48,10 @@ def point_on(link: LinkMotion, local: ArrayLike) -> PointMotion:
     return PointMotion(link.position + arm, link.velocity + tangential, link.acceleration + acceleration)
 
 
-def tracked_points(
-    mechanism: Mechanism, links: Mapping[str, LinkMotion], names: Collection[str] | None = None
-) -> dict[str, PointMotion]:
-    """Return the motions of the tracked points of moving links, or of those among some names."""
+def tracked_points(mechanism: Mechanism, links: Mapping[str, LinkMotion]) -> dict[str, PointMotion]:
+    """Return the motions of the tracked points of moving links."""
     moving = ((name, *owner) for name, owner in mechanism.points.items() if owner[0] != GROUND)
-    return {
-        name: point_on(links[link], local) for name, link, local in moving if names is None or name in names
-    }
+    return {name: point_on(links[link], local) for name, link, local in moving}
 
 
 def joint_motions(
