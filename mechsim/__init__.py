@@ -70,7 +70,7 @@ if TYPE_CHECKING:
     from mechsim.studies.closed_configurations import sample as sample
     from mechsim.studies.export import export as export
     from mechsim.studies.identification import identify as identify
-    from mechsim.studies.reduction.reduce_model import reduce as reduce
+    from mechsim.studies.reduction.search import reduce as reduce
     from mechsim.studies.robots.joint_map import joint_map as joint_map
     from mechsim.studies.scene.tune_model import tune as tune
     from mechsim.studies.sensitivity.sensitivity import moved as moved
@@ -121,7 +121,7 @@ _NAMES = {
     "studies.closed_configurations": "closed_qpos sample",
     "studies.export": "export",
     "studies.identification": "identify",
-    "studies.reduction.reduce_model": "reduce",
+    "studies.reduction.search": "reduce",
     "studies.robots.joint_map": "joint_map",
     "studies.scene.tune_model": "tune",
     "studies.sensitivity.sensitivity": "moved sensitivity tolerance_study",

@@ -10,8 +10,8 @@ from mechsim.cli.exit_codes import notes
 from mechsim.cli.options import ControlOptions, DriveOptions
 from mechsim.cli.output import number, print_table, print_text
 from mechsim.cli.progress import progress
-from mechsim.studies.reduction.reduce_model import reduce as reduce_model
 from mechsim.studies.reduction.search import Reduction
+from mechsim.studies.reduction.search import reduce as reduce_model
 from mechsim.studies.scene.open_scene import require_mjcf
 from mechsim.units import option
 

@@ -336,12 +336,7 @@ def fit(
         # the table has the instants
         crank_speed = units.si(speed, "rad/s", "the speed")
         subject = MovedFamily(parametric_model(subject), np.zeros(1), crank_speed, forces)
-    if isinstance(table, Mapping):
-        columns: Mapping[str, Array] = {
-            name: np.asarray(values, dtype=np.float64) for name, values in table.items()
-        }
-        where = "the table"
-    else:
-        columns, where = read_measured(str(table)), str(table)
+    where = "the table" if isinstance(table, Mapping) else str(table)
+    columns = table if isinstance(table, Mapping) else read_measured(where)
     names = [vary] if isinstance(vary, str) else vary
     return fit_dimensions(subject, measured_of(columns, subject.solver, where), names, offset=offset)

@@ -112,7 +112,7 @@ class MeasuredMotion:
 
 
 def measured_of(
-    table: Mapping[str, Array], solver: KinematicSolver, where: str = "the table"
+    table: Mapping[str, ArrayLike], solver: KinematicSolver, where: str = "the table"
 ) -> MeasuredMotion:
     """Return the measured motion of a table: angle (or t under motion laws), quantities, and ± columns.
 

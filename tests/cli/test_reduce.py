@@ -20,7 +20,7 @@ def test_several_tracked_points_are_accepted(mechsim, finger, monkeypatch):
         tracked_names.extend(scene.tracked)
         raise InputError("seen")
 
-    monkeypatch.setattr("mechsim.studies.reduction.reduce_model.reduce_scene", stop)
+    monkeypatch.setattr("mechsim.studies.reduction.search.reduce_scene", stop)
     arguments = ("--track", "pad,lever", "--track", "P,pad@0.1,0,0")
     assert mechsim("reduce", finger, "--tolerance", "7um", *arguments, "-o", "out.xml").code == 2
     assert tracked_names == ["pad", "lever", "P"]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
 from typing import TYPE_CHECKING, Any
@@ -13,6 +13,7 @@ from mechsim.io.driver_positions import driver_path
 from mechsim.io.readers import load
 from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.mechanism.mechanism import Mechanism
+from mechsim.mechanism.motion_laws import steady
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.resources import Progress, no_progress
 from mechsim.simulation.joint_map import STEP, JointMap, map_over_grid
@@ -123,7 +124,8 @@ def compare_with_loop_equations(
     solver = load(
         model,
         set,
-        drive={name: _slow_motion(value) for name, value in zip(table.inputs, table.reference, strict=True)},
+        # the laws define only the start of the drivers; the points of the map replace them
+        drive={name: steady(value, 1e-3) for name, value in zip(table.inputs, table.reference, strict=True)},
         lock=dict(table.locked),
         # a floating base stays at the reference of the map
         lock_others=True,
@@ -199,8 +201,3 @@ def _rotation_vectors(motion: Motion, still: Motion, link: str) -> Array:
     matrix_rate = (8.0 * change[0] - change[1]) / (12.0 * step)
     second = matrix(vector) @ moved.angular_acceleration[..., None] + matrix_rate @ angular
     return np.stack([vector, rate, second[..., 0]])
-
-
-def _slow_motion(start: float) -> Callable[[Array], tuple[Array, Array, Array]]:
-    """Return a motion law that defines only the start of a driver; the points of the map replace it."""
-    return lambda time: (start + 1e-3 * time, np.full_like(time, 1e-3), np.zeros_like(time))
