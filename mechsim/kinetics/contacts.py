@@ -456,6 +456,10 @@ class Contacts:
         rates = equations.friction_rates(after)[:, 0]
         resting = np.isin(np.arange(len(rates)), mode.stuck)
         moving = resting & (np.abs(rates) > REST * np.abs(rates[resting]).max())
+        # what remains of a motion may reverse without friction
+        change, signs = equations.friction_accelerations(after, tendency)[:, 0], np.sign(rates)
+        balls = np.array([KINDS[friction.joint.kind].ball for friction in equations.frictions])
+        signs = np.where((signs * change < 0.0) & ~balls, -signs, signs)
         # at a dead centre a joint moves only ahead of it
         step = AHEAD / np.abs(after.rates).max() * after.rates
         ahead = equations.kinematics(equations.loops.displaced(state.q, step), after.rates, state.activation)
@@ -466,7 +470,7 @@ class Contacts:
         directions = np.where(at_dead_centre, np.sign(later), mode.sliding)
         sliding = replace(
             mode,
-            sliding=np.where(moving, np.sign(rates), directions),
+            sliding=np.where(moving, signs, directions),
             stuck=np.flatnonzero(resting & ~moving & ~at_dead_centre).tolist(),
         )
         try:
@@ -476,9 +480,9 @@ class Contacts:
                 raise
             # no friction permits this motion, as in a self-locking drive
             return None
-        growth = np.sign(rates) * equations.friction_accelerations(after, acceleration)[:, 0]
+        growth = signs * equations.friction_accelerations(after, acceleration)[:, 0]
         # a friction that balances the forces to rounding holds
-        growth -= 0.5 * BALANCED * np.abs(equations.friction_accelerations(after, tendency)[:, 0])
+        growth -= 0.5 * BALANCED * np.abs(change)
         if (growth[moving] <= 0.0).all():
             return mode if len(equations.free) - equations.rank == 1 else None
         return sliding if (growth[moving] > 0.0).all() else None

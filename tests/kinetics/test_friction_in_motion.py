@@ -19,6 +19,19 @@ from mechsim.studies.dynamics_check import crosscheck_forward
 PRESS = model_text("friction_in_motion_press.toml")
 
 
+@pytest.mark.parametrize("before", [1e-10, 1e-9, 1e-8])
+def test_a_joint_just_before_its_dead_centre_does_not_stop_the_mechanism(before):
+    # the coupler's joint on the crank reverses at 180 degrees, where the crank turns backwards
+    friction = ms.Friction("B", coefficient=0.13, pin_radius=0.004, static=0.18, stribeck=0.2)
+    model = ms.dynamics.dynamic_model(ms.catalog.make("four_bar"), ms.Forces(friction=(friction,)))
+
+    def rate(start):
+        run = ms.dynamics.run(model, initial={"crank.q": start, "crank.v": -3.0}, duration=0.01, samples=2)
+        return run.motion.joints["crank"].rate[-1]
+
+    assert rate(np.pi + before) == pytest.approx(rate(np.pi), rel=1e-6)
+
+
 @pytest.mark.parametrize(("motion", "prescribed"), [("{}", []), ("{} + 3*t**2", ["crank"])])
 def test_a_slide_at_its_dead_centre_has_friction_as_soon_as_it_moves(motion, prescribed, file):
     motor = ms.Forces() if prescribed else ms.Forces(motor=ConstantTorque(1.0))
