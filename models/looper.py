@@ -73,7 +73,7 @@ class PlanarLoop:
 
     def crank_range(self) -> Arcs:
         """Return the intervals of crank angle in which the four-bar O1ABO2 closes, split at change points."""
-        whole = reachable_arcs(self.discriminant, 2)
+        whole = reachable_arcs(sampled_polynomial(self.discriminant, 2))
         cuts = np.array(self.change_points())
         if not len(cuts):
             return whole
@@ -86,7 +86,7 @@ class PlanarLoop:
 
     def change_points(self) -> tuple[float, ...]:
         """Return the crank angles at which the four-bar lies flat, in [-pi, pi) rad."""
-        return sampled_polynomial(self.discriminant, 2).touching()
+        return sampled_polynomial(self.discriminant, 2).touching
 
     def point(self, angles: ArrayLike) -> Array:
         """Return C with the coupler in the plane XY, (n, 3) in [m]; NaN where the four-bar does not close.

@@ -147,10 +147,10 @@ def test_the_branch_policy_applies_to_user_defined_mechanisms():
 @pytest.mark.parametrize("distance", [1e-3, 1e-6, 1e-9, 1e-12])
 def test_a_double_root_is_distinguished_from_a_near_miss(distance):
     polynomial = sampled_polynomial(lambda f: 1.0 - np.cos(f) + distance, 1)
-    assert polynomial.touching() == ()
+    assert polynomial.touching == ()
     assert signed_root(polynomial).over(np.zeros(1))[0] == pytest.approx(np.sqrt(distance), rel=1e-3)
-    assert sampled_polynomial(lambda f: 1.0 - np.cos(f) - distance, 1).touching() == ()
-    assert sampled_polynomial(lambda f: 1.0 - np.cos(f) + ZERO_POLYNOMIAL / 4, 1).touching() == pytest.approx(
+    assert sampled_polynomial(lambda f: 1.0 - np.cos(f) - distance, 1).touching == ()
+    assert sampled_polynomial(lambda f: 1.0 - np.cos(f) + ZERO_POLYNOMIAL / 4, 1).touching == pytest.approx(
         (0.0,), abs=1e-12
     )
 

@@ -4,7 +4,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from strategies import turns
 
-from mechsim.kinematics.vector_method.trig_polynomial import reachable_arcs
+from mechsim.kinematics.vector_method.trig_polynomial import reachable_arcs, sampled_polynomial
 from mechsim.mechanism.motion_laws import Arcs
 from mechsim.numerics.arrays import REVOLUTION
 
@@ -26,7 +26,7 @@ def smallest_distance(roots):
 def test_arcs_end_at_the_roots_and_contain_positive_values(roots, scale):
     assume(smallest_distance(roots) > 0.05)
     polynomial = with_roots(roots, scale)
-    arcs = reachable_arcs(polynomial, 2 if len(roots) == 4 else 1)
+    arcs = reachable_arcs(sampled_polynomial(polynomial, 2 if len(roots) == 4 else 1))
     assert not arcs.full
     assert len(arcs.arcs) == len(roots) // 2
     ends = [end for arc in arcs.arcs for end in arc]
@@ -40,16 +40,16 @@ def test_arcs_end_at_the_roots_and_contain_positive_values(roots, scale):
 
 @given(turns)
 def test_a_double_root_does_not_end_an_arc(double):
-    arcs = reachable_arcs(with_roots([double, double]), 1)
+    arcs = reachable_arcs(sampled_polynomial(with_roots([double, double]), 1))
     assert arcs.full
     assert arcs.arcs == ((-np.pi, np.pi),)
-    assert reachable_arcs(with_roots([double, double], -1.0), 1).arcs == ()
+    assert reachable_arcs(sampled_polynomial(with_roots([double, double], -1.0), 1)).arcs == ()
 
 
 @given(turns, turns, turns)
 def test_a_double_root_between_simple_roots_does_not_end_an_arc(double, low, high):
     assume(smallest_distance([double, low, high]) > 0.1)
-    arcs = reachable_arcs(with_roots([double, double, low, high]), 2)
+    arcs = reachable_arcs(sampled_polynomial(with_roots([double, double, low, high]), 2))
     assert len(arcs.arcs) == 1
     for root in (low, high):
         assert min(abs((end - root + np.pi) % REVOLUTION - np.pi) for end in arcs.arcs[0]) <= 1e-9
@@ -58,12 +58,12 @@ def test_a_double_root_between_simple_roots_does_not_end_an_arc(double, low, hig
 @pytest.mark.parametrize("degree", [1, 2, 4])
 @pytest.mark.parametrize("level", [3.0, 1e-12, 1e12])
 def test_a_constant_has_a_full_arc_or_none(degree, level):
-    assert reachable_arcs(lambda f: np.full_like(f, level), degree).full
-    assert reachable_arcs(lambda f: np.full_like(f, -level), degree).arcs == ()
+    assert reachable_arcs(sampled_polynomial(lambda f: np.full_like(f, level), degree)).full
+    assert reachable_arcs(sampled_polynomial(lambda f: np.full_like(f, -level), degree)).arcs == ()
 
 
 def test_a_degree_above_that_of_the_polynomial_gives_the_same_arcs():
-    arcs = reachable_arcs(with_roots([-0.5, 1.25]), 4)
+    arcs = reachable_arcs(sampled_polynomial(with_roots([-0.5, 1.25]), 4))
     assert len(arcs.arcs) == 1
     assert sorted(end % REVOLUTION for end in arcs.arcs[0]) == pytest.approx(
         sorted([1.25, REVOLUTION - 0.5]), abs=1e-12

@@ -14,6 +14,7 @@ from mechsim.kinematics.formulas.parameters import FormulaParameter
 from mechsim.kinematics.path_instants import crank_angles
 from mechsim.kinematics.vector_method.trig_polynomial import (
     SignedRoot,
+    TrigPolynomial,
     reachable_arcs,
     sampled_polynomial,
     signed_root,
@@ -148,12 +149,16 @@ class TwoBranchForm(ClosedForm):
         return angle - REVOLUTION * np.floor((values(angle) - self._arcs.arcs[0][0]) / REVOLUTION)
 
     @cached_property
+    def _polynomial(self) -> TrigPolynomial:
+        return sampled_polynomial(self.discriminant, self.discriminant_degree)
+
+    @cached_property
     def _arcs(self) -> Arcs:
-        return reachable_arcs(self.discriminant, self.discriminant_degree)
+        return reachable_arcs(self._polynomial)
 
     @cached_property
     def _root(self) -> SignedRoot:
-        return signed_root(sampled_polynomial(self.discriminant, self.discriminant_degree))
+        return signed_root(self._polynomial)
 
     @cached_property
     def _keeps_assembly(self) -> bool:

@@ -77,8 +77,9 @@ class TrigPolynomial:
         """Return the simple roots, increasing, in [-pi, pi)."""
         return sorted(_wrapped(self._polished(guess, 0)) for guess in self._zeros(0, CIRCLE_DISTANCE))
 
+    @cached_property
     def touching(self) -> tuple[float, ...]:
-        """Return the double roots to within rounding, increasing, in [-pi, pi)."""
+        """The double roots to within rounding, increasing, in [-pi, pi)."""
         roots: list[float] = []
         for guess in self._zeros(1, EXTREMUM_DISTANCE):
             root = _wrapped(self._polished(guess, 1))
@@ -161,7 +162,7 @@ def sampled_polynomial(polynomial: Callable[[Array], Array], degree: int) -> Tri
 
 def signed_root(polynomial: TrigPolynomial) -> SignedRoot:
     """Return the square root that is smooth at double roots."""
-    touching = polynomial.touching()
+    touching = polynomial.touching
     rest = polynomial
     for root in touching:
         rest = rest.without(root)
@@ -177,18 +178,14 @@ def _wrapped(angle: float) -> float:
     return (angle + np.pi) % REVOLUTION - np.pi
 
 
-def reachable_arcs(discriminant: Callable[[Array], Array], degree: int) -> Arcs:
+def reachable_arcs(polynomial: TrigPolynomial) -> Arcs:
     """Return the intervals in which a trigonometric polynomial of the crank angle is positive.
-
-    Args:
-        discriminant: the polynomial as a function of angles (n,).
-        degree: its highest harmonic.
 
     Accuracy: simple roots to a few ulp (refined by Newton's method on the polynomial itself); a double root,
         a change point, counts as no root.
     """
-    rest = sampled_polynomial(discriminant, degree)
-    for double in rest.touching():
+    rest = polynomial
+    for double in polynomial.touching:
         rest = rest.without(double)
     ends = rest.roots()
     if not ends:
