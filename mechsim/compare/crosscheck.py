@@ -190,15 +190,12 @@ def _motion_tolerances(simulated: Motion, exact: Motion, tolerance: float | None
     quickest = largest_acceleration(exact, reach)
     rows = (*MOTION, *CRANK_DRIVE, *DRIVERS)
     method = "pose" if simulated.source == "pose" and tolerance is None else "step"
-    scales = motion_scales(stroke, fastest, reach, quickest, _revolutions(exact) if method == "pose" else 1.0)
+    # poses have the rounding of angles: of the largest angle of a joint, at least one revolution
+    turning = [joint.value for joint in exact.joints.values() if joint.unit == "rad" and method == "pose"]
+    revolutions = max([1.0, *(float(np.abs(angle).max(initial=0.0)) / REVOLUTION for angle in turning)])
+    scales = motion_scales(stroke, fastest, reach, quickest, revolutions)
     requested = Requested(POSITION_TOLERANCE * stroke if tolerance is None else tolerance, scale=stroke)
     return tolerances_of(rows, method, scales, requested)
-
-
-def _revolutions(exact: Motion) -> float:
-    """Return the largest angle of a joint in revolutions, at least 1: poses have the rounding of angles."""
-    angles = [joint.value for joint in exact.joints.values() if joint.unit == "rad"]
-    return max([1.0, *(float(np.abs(angle).max(initial=0.0)) / REVOLUTION for angle in angles)])
 
 
 def _conditioning(simulated: Motion, exact: Motion, solver: Solver | None) -> Array | None:

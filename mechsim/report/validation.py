@@ -125,7 +125,6 @@ def _section(folder: Path, name: str) -> tuple[Section, list[str]]:
             temporary.write_text(text, encoding="utf-8")
     section = Section(
         name=name,
-        title=name,
         about=about(case.solver),
         facts=_facts(case) | ({} if case.formula is None else error_of_a_run(case.formula)),
         picture=_picture(case.solver, case.run.motion, notes),
@@ -247,7 +246,6 @@ def write_agreement_report(
     worst_first = sorted(range(count), key=lambda i: -agreement.checks[i].severity)
     section = Section(
         name=agreement.solver.name,
-        title=agreement.solver.name,
         cause=agreement.findings[0].message if agreement.findings and not agreement.passed else "",
         facts=rows | error_of_a_run(agreement),
         picture=_picture(

@@ -63,7 +63,11 @@ def crank_grids(
         # the slider covers the crank's whole range
         free = solver.with_mechanism(solver.mechanism, ranges={})
         return [crank_grid(free, "own assembly", speed, limits)]
-    return [crank_grid(assembly, _called(assembly), speed, limits) for assembly in (solver, *_others(solver))]
+    assemblies = {_called(solver): solver}
+    for angle in np.linspace(-np.pi, np.pi, CRANK_ANGLES, endpoint=False).tolist():
+        for assembly in solver.assemblies(angle) or ():
+            assemblies.setdefault(_called(assembly), assembly)
+    return [crank_grid(assembly, name, speed, limits) for name, assembly in assemblies.items()]
 
 
 def crank_grid(
@@ -87,17 +91,6 @@ def crank_grid(
         start = angles[0] + (start - angles[0]) % REVOLUTION
     slider = replace(grid.slider, start=float(np.clip(start, angles[0], angles[-1])))
     return replace(grid, slider=slider, ghost=_ghost(solver, speed))
-
-
-def _others(solver: KinematicSolver) -> list[KinematicSolver]:
-    """Return the other assemblies that stand at some crank angle."""
-    names, assemblies = {_called(solver)}, list[KinematicSolver]()
-    for angle in np.linspace(-np.pi, np.pi, CRANK_ANGLES, endpoint=False).tolist():
-        for assembly in solver.assemblies(angle) or ():
-            if _called(assembly) not in names:
-                names.add(_called(assembly))
-                assemblies.append(assembly)
-    return assemblies
 
 
 def _angles(solver: KinematicSolver, limits: tuple[float, float] | None) -> Array:

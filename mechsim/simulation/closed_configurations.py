@@ -310,37 +310,27 @@ def sample(
         )
     qpos, accepted = np.repeat(path.reference[None], n, 0), 1.0
     for i, each in enumerate(paths):
-        states, share = _drawn(
-            each, n, random, lambda text, fraction, i=i: progress(text, (i + fraction) / len(paths))
-        )
-        accepted = min(accepted, share)
+        low, high = driver_ranges(each)
+        states, count, drawn = list[Array](), 0, 0
+        while count < n:
+            if drawn >= MAX_DRAWS * max(n, 100):
+                raise AssemblyError(f"{count} of {drawn} drawn configurations close within the joint limits")
+            progress(f"{count:,} of {n:,} states", (i + count / n) / len(paths))
+            # estimated from the fraction accepted so far
+            expected = (n - count) * (min(drawn / max(count, 1), MAX_DRAWS) if drawn else 1.0)
+            batch = int(np.clip(expected, 64, BATCH))
+            reached, closed = each.follow(random.uniform(low, high, (batch, len(low))))
+            # joints of other paths are at the start, which may be beyond their limits
+            valid = closed & ~outside_limits(model, reached)[:, each.joints].any(1)
+            states.append(reached[valid])
+            count, drawn = count + int(valid.sum()), drawn + batch
+        accepted = min(accepted, count / drawn)
         joints = np.isin(model.jnt_qposadr.searchsorted(np.arange(model.nq), "right") - 1, each.joints)
-        qpos[:, joints] = states[:, joints]
+        qpos[:, joints] = np.concatenate(states)[:n, joints]
     residual, jacobian = path.loops.linearise(qpos)
     qvel = np.zeros((n, path.loops.model.nv))
     qvel[:, path.drivers] = random.normal(size=(n, len(path.drivers))) * path.loops.units[path.drivers]
     return Sample(qpos, path.closing_rates(jacobian, qvel), path.loops.closure_error(residual), accepted)
-
-
-def _drawn(
-    path: StraightPath, n: int, random: np.random.Generator, progress: Progress
-) -> tuple[Array, float]:
-    """Return n states with random positions of the drivers, (n, nq), and the accepted fraction."""
-    low, high = driver_ranges(path)
-    accepted, count, drawn = list[Array](), 0, 0
-    while count < n:
-        if drawn >= MAX_DRAWS * max(n, 100):
-            raise AssemblyError(f"{count} of {drawn} drawn configurations close within the joint limits")
-        progress(f"{count:,} of {n:,} states", count / n)
-        # estimated from the fraction accepted so far
-        expected = (n - count) * (min(drawn / max(count, 1), MAX_DRAWS) if drawn else 1.0)
-        batch = int(np.clip(expected, 64, BATCH))
-        qpos, closed = path.follow(random.uniform(low, high, (batch, len(low))))
-        # joints of other paths are at the start, which may be beyond their limits
-        valid = closed & ~outside_limits(path.loops.model, qpos)[:, path.joints].any(1)
-        accepted.append(qpos[valid])
-        count, drawn = count + int(valid.sum()), drawn + batch
-    return np.concatenate(accepted)[:n], count / drawn
 
 
 def keyframe(model: mujoco.MjModel, key: str | None) -> Array | None:

@@ -404,7 +404,6 @@ def solved_run(
         estimate=estimate,
         steps=len(qpos),
         seconds=seconds,
-        settings=None,
         method="pose",
         note="; ".join(filter(None, (closed.note, floating_bodies_note(closed)))),
     )

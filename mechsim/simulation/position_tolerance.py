@@ -156,17 +156,16 @@ def _with_other_compliance(driven: DrivenRun, settings: Settings, run: Run) -> R
         return attempts[-1].estimate
 
     used = settings.compliance_used
-    improvement = improving_compliance(error, used, run.estimate, tolerance)
-    if improvement is None:
+    if (improvement := improving_compliance(error, used, run.estimate, tolerance)) is None:
         return run
     compliance, remaining = improvement
     if settings.compliance is not None:
         more = f"and by compliance {compliance:.2g} {remaining:.2g} m"
         return replace(run, shortfall=f"{run.shortfall}, {more}")
-    error_text = f"{used:.2g} leaves a position error of {run.estimate:.2g} m"
     better = attempts[-1]
     if better.outcome != "passed":
         better = _run_to_tolerance(driven, replace(settings, compliance=compliance), tolerance, steps)
+    error_text = f"{used:.2g} leaves a position error of {run.estimate:.2g} m"
     return replace(better, note=_joined(better.note, f"loops have compliance {compliance:.2g}: {error_text}"))
 
 

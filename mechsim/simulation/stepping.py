@@ -141,11 +141,10 @@ def step(
             control[0][:, loops.model.nu + moved] = torque[steps]
         return control
 
-    if renewed:
-        run = _renewed_rollout(loops, timestep, start, total, interval, inputs, progress)
-    else:
-        sims = batch.Batch(loops.model, 1, 1)
-        run = rollout(sims, timestep, start, total, interval, inputs, progress)
+    stepping = timestep, start, total, interval, inputs, progress
+    run = (
+        _renewed_rollout(loops, *stepping) if renewed else rollout(batch.Batch(loops.model, 1, 1), *stepping)
+    )
     force = None if torque is None else torque[np.minimum(run.numbers, total - 1)]
     if force is not None and len(moved) == 1 and loops.drivers is None:
         force = force[:, 0]

@@ -124,7 +124,24 @@ def _specification(source: MujocoInput) -> tuple[mujoco.MjSpec, list[Finding]]:
     if isinstance(source, mujoco.MjModel):
         return _spec_of_model(source), []
     file = source if isinstance(source, UrdfFile) else UrdfFile(source)
-    return _spec_of_file(file, urdf=root_of(file.path) == "robot")
+    urdf = root_of(file.path) == "robot"
+    if file.loops is not None and not urdf:
+        raise InputError(
+            f"{file.path} is no URDF file, whose loops {file.loops} could close; write them as equalities"
+        )
+    try:
+        with warnings_of_mujoco() as warned:
+            if urdf:
+                from mechsim.simulation.mjcf_reader.urdf_loops import urdf_specification
+
+                spec, unread = urdf_specification(file)
+            else:
+                spec, unread = mujoco.MjSpec.from_file(file.path), list[Finding]()
+    except InputError:
+        raise
+    except (ValueError, UnicodeError, mujoco.FatalError) as error:
+        raise readable_error(file.path, error) from None
+    return spec, unread + _warnings(warned)
 
 
 def _make_exact(spec: mujoco.MjSpec, changes: Sequence[tuple[str, str, Vector, Vector]]) -> None:
@@ -171,26 +188,6 @@ def model_label(source: MujocoInput) -> str:
     if isinstance(source, mujoco.MjSpec):
         return f"MjSpec {source.modelname!r}"
     return f"MjModel {source.names[: source.names.index(0)].decode()!r}" if 0 in source.names else "MjModel"
-
-
-def _spec_of_file(file: UrdfFile, *, urdf: bool) -> tuple[mujoco.MjSpec, list[Finding]]:
-    if file.loops is not None and not urdf:
-        raise InputError(
-            f"{file.path} is no URDF file, whose loops {file.loops} could close; write them as equalities"
-        )
-    try:
-        with warnings_of_mujoco() as warned:
-            if urdf:
-                from mechsim.simulation.mjcf_reader.urdf_loops import urdf_specification
-
-                spec, unread = urdf_specification(file)
-            else:
-                spec, unread = mujoco.MjSpec.from_file(file.path), list[Finding]()
-    except InputError:
-        raise
-    except (ValueError, UnicodeError, mujoco.FatalError) as error:
-        raise readable_error(file.path, error) from None
-    return spec, unread + _warnings(warned)
 
 
 def _warnings(texts: Iterable[str]) -> list[Finding]:

@@ -48,9 +48,14 @@ def urdf_specification(file: UrdfFile) -> tuple[mujoco.MjSpec, list[Finding]]:
         more, changes, ignored = read_sidecar(tree, file.loops)
         closures += more
         unread += ignored
-    for joint in tree.second:
-        tree.root.remove(joint)
-    spec = _specification(tree)
+    if tree.second:
+        for joint in tree.second:
+            tree.root.remove(joint)
+        text = re.sub(r"(</?)drake_", r"\1drake:", ElementTree.tostring(tree.root, encoding="unicode"))
+        spec = mujoco.MjSpec.from_string(text)
+        spec.modelfiledir = os.path.dirname(os.path.abspath(tree.path))
+    else:
+        spec = mujoco.MjSpec.from_file(tree.path)
     changes.apply(spec, tree)
     for closure in closures:
         _close(spec, tree, closure)
@@ -211,16 +216,6 @@ def _closure(tree: UrdfTree, element: Element, a: Frame, b: Frame, axis: str | N
     if KINDS[kind] == "hinge" and not length > 0.0:
         raise tree.error(f"the axis of loop joint {name!r} has length 0; give a direction")
     return LoopClosure(name, KINDS[kind], a, b, direction / (length or 1.0))
-
-
-def _specification(tree: UrdfTree) -> mujoco.MjSpec:
-    """Return the specification of the tree without the joints that close loops."""
-    if not tree.second:
-        return mujoco.MjSpec.from_file(tree.path)
-    text = re.sub(r"(</?)drake_", r"\1drake:", ElementTree.tostring(tree.root, encoding="unicode"))
-    spec = mujoco.MjSpec.from_string(text)
-    spec.modelfiledir = os.path.dirname(os.path.abspath(tree.path))
-    return spec
 
 
 def _close(spec: mujoco.MjSpec, tree: UrdfTree, closure: LoopClosure) -> None:
