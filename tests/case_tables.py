@@ -8,8 +8,7 @@ The table `cases.toml` of a folder has a row for each test, named by a sentence.
   `load` (options of `ms.load`, or false for a call that takes the name or the file);
 - `call`: a function of `mechsim`, which takes the loaded model, `arguments` and `options`, or `.NAME`, a
   method of the model; or `command`, words of a command in which MODEL stands for the file;
-- `expected`: right values by the path to them: attributes, keys, indices, methods without arguments and
-  `STEPS`. A leaf is a value, or a table of `is` with `rel` and `abs`, `below`, `above`, `has` or `lacks`;
+- `expected`: right values by the path to them, which `expected.py` describes;
 - `error`: words of the message that rejects the call, in place of `expected`;
 - `mujoco`: lists of changes; MuJoCo accepts the result, and rejects it for each changed model;
 - `cases`: changes of the row that make a test each; `long` and `slow` mark tests that take time.
@@ -25,6 +24,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from expected import deviations, holds, require_keys
 from model_files import changed_model
 
 import mechsim as ms
@@ -37,14 +37,6 @@ from mechsim.studies.dynamics_check import crosscheck_driven, crosscheck_equilib
 Row = dict[str, Any]
 KEYS = {"why", "model", "fields", "changes", "more", "load", "call", "arguments", "options", "command"}
 KEYS |= {"expected", "error", "mujoco", "long", "slow"}
-LEAF = {"is", "rel", "abs", "below", "above", "has", "lacks"}
-STEPS: dict[str, Callable[[Any], Any]] = {
-    "len": len,
-    "abs": np.abs,
-    "ptp": np.ptp,
-    "cos": np.cos,
-    "text": str,
-}
 
 
 def prescribed(solver: Any, *arguments: Any, **options: Any) -> Any:
@@ -75,7 +67,7 @@ def rows_of(table: Mapping[str, Row]) -> dict[str, Row]:
         cases = enumerate(row.get("cases", [{}]))
         result |= {f"{name}, {i}" if i else name: merged(alone, case) for i, case in cases}
     for name, row in result.items():
-        assert row.keys() <= KEYS, (name, row.keys() - KEYS)
+        require_keys(row, KEYS)
         assert row.keys() & {"expected", "error", "mujoco"}, name
     return result
 
@@ -90,50 +82,6 @@ def table_rows(test_file: str) -> pytest.MarkDecorator:
         for name, row in rows.items()
     ]
     return pytest.mark.parametrize("row", parameters)
-
-
-def step(value: Any, key: str) -> Any:
-    """Return what one key of a path leads to."""
-    if isinstance(value, Mapping) and key in value:
-        return value[key]
-    if key in STEPS:
-        return STEPS[key](value)
-    if isinstance(value, Sequence | np.ndarray) and key.lstrip("-").isdigit():
-        return value[int(key)]
-    reached = getattr(value, key)
-    return reached() if callable(reached) else reached
-
-
-def check(value: Any, expected: Any, path: tuple[str, ...] = ()) -> None:
-    """Assert that a result has the expected values."""
-    leaf = expected if isinstance(expected, dict) else {"is": expected}
-    if not leaf.keys() & LEAF:
-        for key, item in leaf.items():
-            check(step(value, key), item, (*path, key))
-        return
-    assert leaf.keys() <= LEAF, (path, leaf.keys() - LEAF)
-    limits = {
-        "is": lambda exact: equal(value, exact, leaf.get("rel", 0.0), leaf.get("abs", 0.0)),
-        "below": lambda limit: np.max(value) < limit,
-        "above": lambda limit: np.min(value) > limit,
-        "has": lambda words: all(word in value for word in ([words] if isinstance(words, str) else words)),
-        "lacks": lambda word: word not in value,
-    }
-    for key in leaf.keys() - {"rel", "abs"}:
-        assert limits[key](leaf[key]), (path, value, leaf)
-
-
-def equal(value: Any, exact: Any, rel: float, absolute: float) -> bool:
-    """Return whether numbers agree within a tolerance, or other values exactly."""
-    if np.asarray(exact).dtype.kind not in "if":
-        return (list(value) if isinstance(exact, list) else value) == exact
-    own, right = np.asarray(value, dtype=float), np.asarray(exact, dtype=float)
-    close = (
-        np.abs(own - right) <= np.maximum(absolute, rel * np.abs(right))
-        if own.shape == right.shape
-        else False
-    )
-    return bool(np.all(close))
 
 
 def file_of(row: Row, *changes: Sequence[str]) -> str:
@@ -181,13 +129,13 @@ def run_row(row: Row, mechsim: Callable[..., Any]) -> None:
         with np.errstate(all="ignore"):
             answer = mechsim(*(path if word == "MODEL" else word for word in shlex.split(row["command"])))
         output = {"json": json.loads(answer.out)} if "--json" in row["command"] else {"out": answer.out}
-        check({"code": answer.code, "err": answer.err, **output}, row["expected"])
+        assert deviations({"code": answer.code, "err": answer.err, **output}, row["expected"]) == []
     elif "error" in row:
         with pytest.raises(ms.MechsimError) as rejected:
             result_of(row)
-        check(str(rejected.value), {"has": row["error"]})
+        assert holds(str(rejected.value), {"has": row["error"]}), rejected.value
     else:
         result = result_of(row)
-        check(result, row.get("expected", {}))
+        assert deviations(result, row.get("expected", {})) == []
         if "mujoco" in row:
             agree_with_mujoco(row, result)

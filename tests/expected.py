@@ -1,13 +1,18 @@
 """Expected values as data, in tables of TOML: the path of a value, and what holds for it.
 
-A path names keys, attributes and numbers of a list, joined by dots; `*` stands for all of a list or a
-dictionary. `expr:` and a formula of paths in braces is its value, element by element. What holds is a value,
-which the actual one equals, or a table of the conditions below, all of which hold.
+A path names keys, attributes, methods without arguments, numbers of a list and `STEPS`, joined by dots or
+as tables in tables; `*` stands for all of a list or a dictionary. `expr:` and a formula of paths in braces is
+its value, element by element. What holds is a value, which the actual one equals, or a table:
+
+- `is`: the value, with `rel` and `abs`, the larger of which is the tolerance; exactly without them;
+- `reported`: in place of `is` the path of a number that the command printed, with `times`, a factor;
+- `CONDITIONS`;
+- `of`: a step that is taken before, of all that `*` stands for.
 """
 
 import re
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -38,13 +43,30 @@ def row_parameters(
     ]
 
 
+def require_keys(row: Mapping[str, Any], keys: set[str]) -> None:
+    """Reject keys of a row that its runner does not read."""
+    assert row.keys() <= keys, row.keys() - keys
+
+
+# steps of a path besides keys, attributes and numbers
+STEPS: dict[str, Callable[[Any], Any]] = {
+    "len": len,
+    "abs": np.abs,
+    "ptp": np.ptp,
+    "cos": np.cos,
+    "text": str,
+    "sum": sum,
+    "largest": lambda value: max(value, key=abs),
+    "unevenness": lambda value: np.ptp(np.diff(value)),
+    "rows": lambda columns: len(columns[0]),
+}
+
+
 def select(value: Any, path: str) -> Any:
     """Return the value at a path."""
-    if isinstance(value, np.ndarray):
-        value = value.tolist()
     if not path:
-        return [select(item, "") for item in value] if isinstance(value, list | tuple) else value
-    if isinstance(value, dict):
+        return value
+    if isinstance(value, Mapping):
         # a key may contain dots
         for key in sorted(map(str, value), key=len, reverse=True):
             if path == key or path.startswith(f"{key}."):
@@ -53,18 +75,20 @@ def select(value: Any, path: str) -> Any:
         return formula(value, path.removeprefix("expr:"))
     head, _, rest = path.partition(".")
     if head == "*":
-        return [select(item, rest) for item in (value.values() if isinstance(value, dict) else value)]
-    if isinstance(value, list | tuple) and head.lstrip("-").isdigit():
+        return [select(item, rest) for item in (value.values() if isinstance(value, Mapping) else value)]
+    if head in STEPS:
+        return select(STEPS[head](value), rest)
+    if isinstance(value, Sequence | np.ndarray) and head.lstrip("-").isdigit():
         return select(value[int(head)], rest)
-    assert not isinstance(value, dict), f"no {path} in {[*value]}"
-    return select(getattr(value, head), rest)
+    reached = getattr(value, head)
+    return select(reached() if callable(reached) else reached, rest)
 
 
-def formula(value: Any, text: str) -> list[float]:
+def formula(value: Any, text: str) -> Any:
     """Return a formula of arrays, whose paths are in braces, at each of their elements."""
     names = {path: f"x{i}" for i, path in enumerate(re.findall(r"{(.*?)}", text))}
     function = compiled(re.sub(r"{(.*?)}", lambda path: names[path[1]], text), names.values())
-    return function({name: select(value, path) for path, name in names.items()}).tolist()
+    return function({name: select(value, path) for path, name in names.items()})
 
 
 def normalised(text: str) -> str:
@@ -72,60 +96,74 @@ def normalised(text: str) -> str:
     return " ".join(text.split())
 
 
+def listed(items: Any) -> list[Any]:
+    """Return a list of items, or of a single one."""
+    return items if isinstance(items, list) else [items]
+
+
+def everywhere(compared: Callable[[Any, Any], Any]) -> Callable[[Any, Any], bool]:
+    """Return a condition that each of one or more numbers satisfies."""
+    return lambda value, limit: np.size(value) > 0 and bool(np.all(compared(np.asarray(value), limit)))
+
+
 # condition -> whether a value satisfies its number, text or list
 CONDITIONS: dict[str, Callable[[Any, Any], bool]] = {
-    "above": lambda value, limit: bool(np.all(np.array(value) > limit)),
-    "below": lambda value, limit: bool(np.all(np.array(value) < limit)),
-    "at_least": lambda value, limit: bool(np.all(np.array(value) >= limit)),
-    "at_most": lambda value, limit: bool(np.all(np.array(value) <= limit)),
-    "within": lambda value, limit: bool(np.all(np.abs(value) <= limit)),
+    "above": everywhere(np.greater),
+    "below": everywhere(np.less),
+    "at_least": everywhere(np.greater_equal),
+    "at_most": everywhere(np.less_equal),
+    "within": everywhere(lambda value, limit: np.abs(value) <= limit),
     "has": lambda value, items: all(
         (normalised(item) in normalised(value)) if isinstance(value, str) else item in value
-        for item in ([items] if isinstance(items, str) else items)
+        for item in listed(items)
     ),
     "like": lambda value, pattern: re.match(pattern, value) is not None,
-    "lacks": lambda value, items: not any(item in value for item in items),
+    "lacks": lambda value, items: not any(item in value for item in listed(items)),
     "keys": lambda value, keys: list(value) == keys,
     "set_of": lambda value, items: sorted(set(value)) == items,
     "true": lambda value, requested: bool(value) is requested,
 }
-# what is taken of the values of a list before they are compared
-REDUCTIONS: dict[str, Callable[[Any], Any]] = {
-    "length": len,
-    "largest": lambda value: max(value, key=abs),
-    "sum": sum,
-    "rows": lambda columns: len(columns[0]),
-    "range": lambda value: float(np.ptp(value)),
-    "unevenness": lambda value: float(np.ptp(np.diff(value))),
-}
+
+
+def plain(value: Any) -> Any:
+    """Return arrays and tuples as lists."""
+    value = value.tolist() if isinstance(value, np.ndarray) else value
+    return [plain(item) for item in value] if isinstance(value, list | tuple) else value
+
+
+def equal(value: Any, exact: Any, rel: float = 0.0, absolute: float = 0.0) -> bool:
+    """Return whether numbers agree within a tolerance, or values exactly without one."""
+    if not rel and not absolute:
+        return bool(plain(value) == exact)
+    own, right = np.asarray(value, dtype=float), np.asarray(exact, dtype=float)
+    limits = np.maximum(absolute, rel * np.abs(right))
+    return own.shape == right.shape and bool(np.all(np.abs(own - right) <= limits))
 
 
 def holds(value: Any, requested: Any, reported: Any = None) -> bool:
-    """Return whether a value is the requested one, or satisfies the requested conditions.
-
-    The requested value `json` is the path of one of the reported ones.
-    """
-    if not isinstance(requested, dict):
-        return bool(value == requested)
-    rest = dict(requested)
-    if reduction := rest.pop("of", None):
-        value = REDUCTIONS[reduction](value)
-    tolerance = {name: rest.pop(name) for name in ("rel", "abs") if name in rest}
-    assert rest, f"{requested} states no value"
-    if "json" in rest:
-        rest["is"] = select(reported, rest.pop("json")) * rest.pop("times", 1)
-    if "is" in rest:
-        target = rest.pop("is")
-        if not (value == pytest.approx(target, **tolerance) if tolerance else value == target):
-            return False
-    return all(CONDITIONS[name](value, limit) for name, limit in rest.items())
+    """Return whether a value is the requested one, or satisfies the requested conditions."""
+    rest = dict(requested) if isinstance(requested, dict) else {"is": requested}
+    value = STEPS[rest.pop("of")](value) if "of" in rest else value
+    tolerance = rest.pop("rel", 0.0), rest.pop("abs", 0.0)
+    if "reported" in rest:
+        rest["is"] = plain(np.multiply(select(reported, rest.pop("reported")), rest.pop("times", 1)))
+    right = "is" not in rest or equal(value, rest.pop("is"), *tolerance)
+    require_keys(rest, {*CONDITIONS})
+    return right and all(CONDITIONS[name](value, limit) for name, limit in rest.items())
 
 
-def deviations(value: Any, requested: dict[str, Any], reported: Any = None) -> list[str]:
-    """Return what differs from a table of paths and expected values."""
-    actual = {path: select(value, path) for path in requested}
-    return [
-        f"{path}: {actual[path]!r}, not {requested[path]}"
-        for path in requested
-        if not holds(actual[path], requested[path], reported)
-    ]
+def leaves(requested: Mapping[str, Any], start: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield the paths of tables in tables, and what holds at each."""
+    for key, item in requested.items():
+        path = f"{start}.{key}" if start else key
+        if isinstance(item, dict) and not item.keys() & {"is", "reported", *CONDITIONS}:
+            assert item or not path, f"{path} states no value"
+            yield from leaves(item, path)
+        else:
+            yield path, item
+
+
+def deviations(value: Any, requested: Any, reported: Any = None) -> list[str]:
+    """Return what differs from the expected values at their paths."""
+    actual = [(path, select(value, path), item) for path, item in leaves({"": requested})]
+    return [f"{path}: {own!r}, not {item}" for path, own, item in actual if not holds(own, item, reported)]

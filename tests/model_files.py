@@ -3,6 +3,7 @@
 import itertools
 import tempfile
 from collections import defaultdict
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from string import Template
 
@@ -23,6 +24,14 @@ def model_text(name: str, **values: object) -> str:
     return Template(text).substitute(values) if values else text
 
 
+def replaced(text: str, changes: Iterable[Sequence[str]], count: int = -1) -> str:
+    """Return a text in which pairs of old and new texts, each of which it contains, are replaced."""
+    for old, new in changes:
+        assert old in text, f"{old} is not in the text"
+        text = text.replace(old, new, count)
+    return text
+
+
 def changed_text(source: str | list[str] | dict[str, str]) -> str:
     """Return a text, or that of the file `models/NAME`, changed.
 
@@ -33,10 +42,7 @@ def changed_text(source: str | list[str] | dict[str, str]) -> str:
         return model_text(source["file"].removeprefix("models/")).format_map(defaultdict(str, source))
     first, *changes = [source] if isinstance(source, str) else source
     text = model_text(first.removeprefix("models/")) if first.startswith("models/") else first
-    for old, new in zip(changes[::2], changes[1::2], strict=True):
-        assert old in text, f"{old} is not in {first}"
-        text = text.replace(old, new)
-    return text
+    return replaced(text, zip(changes[::2], changes[1::2], strict=True))
 
 
 def catalog_text(name: str, **values: float) -> str:
@@ -61,10 +67,7 @@ def changed_model(name: str, *changes: tuple[str, str], more: str = "", **values
     suffix = Path(name).suffix
     text = model_text(name, **values) if suffix else catalog_text(name, **values)
     text += f"\n{more}" if more else ""
-    for old, new in changes:
-        assert old in text, old
-        text = text.replace(old, new, 1)
-    return copied(text, suffix or ".toml")
+    return copied(replaced(text, changes, 1), suffix or ".toml")
 
 
 def load_model(name: str, *changes: tuple[str, str], more: str = "", still: bool = False, **values: object):

@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 from drawing import draws
-from expected import PLAIN_MARKERS, deviations, normalised, row_parameters
+from expected import PLAIN_MARKERS, deviations, listed, normalised, require_keys, row_parameters
 from model_files import FOLDER, changed_text
 from typed_call import Answer, Call
 
@@ -30,11 +30,7 @@ KEYS |= {*["out", "err", "not_out", "not_err", "texts", "json", "tables", "out_l
 
 def words_missing(text: str, words: str | list[str]) -> list[str]:
     """Return the words that a text does not contain, whatever its line breaks."""
-    return [
-        word
-        for word in ([words] if isinstance(words, str) else words)
-        if normalised(word) not in normalised(text)
-    ]
+    return [word for word in listed(words) if normalised(word) not in normalised(text)]
 
 
 def invalid_file(path: Path) -> bool:
@@ -86,12 +82,12 @@ def run_rows(
     """Run the rows of a test in a folder."""
     last = None
     for row in rows:
-        assert row.keys() <= KEYS, row.keys() - KEYS
+        require_keys(row, KEYS)
         for name, value in row.get("variables", {}).items():
             monkeypatch.setenv(name, value)
         for name, source in row.get("files", {}).items():
             (folder / name).write_text(changed_text(source), encoding="utf-8", newline="")
-        for line in [row["line"]] if isinstance(row["line"], str) else row["line"]:
+        for line in listed(row["line"]):
             triples = (word.partition("/") for word in shlex.split(line))
             words = [
                 str(FOLDERS[first] / rest) if first in FOLDERS else first + slash + rest
@@ -119,6 +115,7 @@ def test_a_command_does_what_its_rows_state(rows, mechsim, tmp_path, monkeypatch
         {"json": {"parameters.crank.value": {"is": 0.033, "rel": 1e-3}}},
         {"json": {"parameters.crank.value": {"above": 0.04}}},
         {"json": {"expr:{parameters.crank.value} - 0.03": {"within": 1e-3}}},
+        {"json": {"parameters.crank.value": {}}},
         {"json": {"parametres": 1}},
         {"json": {"parameters.crank.value": {"upto": 0.04}}},
         {"out_lines": {"0": "five_bar"}},

@@ -3,6 +3,7 @@
 import tomllib
 
 import pytest
+from expected import require_keys
 from model_files import FOLDER, changed_text
 
 import mechsim as ms
@@ -14,7 +15,7 @@ KEYS = {"case", "file", "only", "absent", *OF_A_FINDING}
 
 def check_findings(row, folder):
     """Compare the findings of a changed file with a row."""
-    assert row.keys() <= KEYS
+    require_keys(row, KEYS)
     assert row.keys() & {"only", "absent", "rule", "kind"}
     text = changed_text(row["file"])
     ending = {"<robot": "urdf", "<mujoc": "xml"}.get(text[:6], "toml")
