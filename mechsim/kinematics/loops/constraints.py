@@ -400,8 +400,10 @@ class TreeLoops:
 
         poses = link_poses(self.tree, q) if poses is None else poses
         residual, blocks = self._evaluated(q, poses)
-        values = np.concatenate([block.reshape(-1, len(q)) for block in blocks])
-        pairs = [np.broadcast_arrays(*entries) for entries in self._entries]
+        # free bodies have no equations
+        values = np.concatenate([np.zeros((0, len(q))), *(block.reshape(-1, len(q)) for block in blocks)])
+        none = np.zeros(0, np.intp)
+        pairs = [(none, none), *(np.broadcast_arrays(*entries) for entries in self._entries)]
         rows, columns = (np.concatenate([pair[i].ravel() for pair in pairs]) for i in (0, 1))
         return residual, SparseMatrices(rows, columns, values, (self.rows, self.count)), poses
 
