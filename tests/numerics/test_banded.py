@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from mechsim.numerics.arrays import EPS
 from mechsim.numerics.banded import BandedSystems, SparseMatrices, band, least_norm_systems, sparse_least_norm
 from mechsim.numerics.damped_band import DampedBand, normal_band
 from mechsim.numerics.rank import least_norm, null_space, pivot_columns
@@ -132,7 +133,10 @@ def test_solutions_of_least_norm_are_those_of_the_pseudo_inverse_also_where_rows
     jacobian[:, 7], right[:, 7] = 0.0, 0.0
     jacobian[2, 8], right[2, 8] = jacobian[2, 9] + 1e-7 * jacobian[2, 8], right[2, 9]
     expected = least_norm(jacobian, right)
-    np.testing.assert_allclose(sparse_least_norm(jacobian, right), expected, rtol=1e-9, atol=1e-8)
+    error = np.linalg.norm(sparse_least_norm(jacobian, right) - expected, axis=1)
+    # both are exact to rounding times the condition, 11, 15 and 2e7; measured 1.6 times that at most
+    conditions = np.linalg.cond(np.delete(jacobian, 7, 1))
+    assert (error <= 4.0 * EPS * conditions * np.linalg.norm(expected, axis=1)).all()
     rows, columns = np.nonzero(jacobian.any(0))
     sparse = SparseMatrices(rows, columns, jacobian[:, rows, columns].T, jacobian.shape[1:])
     systems = least_norm_systems(sparse, {})
