@@ -19,7 +19,8 @@ FLOOR = 1e-13
 # number of rows from which those that are zero, as of a planar linkage, are left out, and scipy's QR pays:
 # importing scipy.linalg takes 0.17 s of processor time, a fifth of a short command
 MANY = 200
-# least number of unknowns for which sparse systems of least norm take less time than whole ones
+# least number of unknowns for which sparse systems of least norm take less time than whole ones: that of a
+# single instant, as 50 instants at 20 unknowns take a fifth (`validation/speed/loop_speed.py`)
 SPARSE = 40
 
 

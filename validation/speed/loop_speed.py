@@ -7,7 +7,8 @@ exceeds its limit.
 
 Rows of four-bars are solved by dense matrices and in a band (`MIN_UNKNOWNS` of the loop solver: importing
 scipy for the band takes about 150 ms), and nine random systems of 200 unknowns in bands whose width is a
-fraction of their number (`MIN_RATIO`).
+fraction of their number (`MIN_RATIO`). Solutions of least norm are those of 1 and 50 chains, by
+pseudo-inverses and by an augmented band (`SPARSE`).
 
 Run: OPENBLAS_NUM_THREADS=1 python validation/speed/loop_speed.py
 """
@@ -16,8 +17,10 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from statistics import median
+from timeit import timeit
 
 import numpy as np
 
@@ -28,6 +31,7 @@ from a02_four_bars import chain
 from mechsim.io.readers import load
 from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.numerics import banded, loop_solver
+from mechsim.numerics.rank import least_norm
 
 ROUNDS, UNKNOWNS = 15, 200
 
@@ -38,9 +42,16 @@ def by_loops(name, **options):
 
 
 def seconds(run: Callable[..., object], *arguments: object) -> float:
-    start = time.process_time()
-    run(*arguments)
-    return time.process_time() - start
+    return timeit(lambda: run(*arguments), timer=time.process_time, number=1)
+
+
+def relative_time(own: Callable[[], object], other: Callable[[], object]) -> float:
+    return median(seconds(own) / seconds(other) for _ in range(ROUNDS))
+
+
+def microseconds(solver: KinematicSolver, poses: int) -> list[float]:
+    unsolved, angles = replace(solver), np.linspace(0.0, solver.period, poses)
+    return [1e6 * seconds(unsolved.solve_along, angles) / poses for _ in range(2)]
 
 
 def main() -> None:
@@ -52,13 +63,7 @@ def main() -> None:
         (by_loops("stewart_gough", drive=legs, duration=1.0), 1000, 250.0),
         (by_loops("jansen"), 1000, 250.0),
     )
-    times: list[list[tuple[float, float]]] = [[] for _ in cases]
-    for _ in range(ROUNDS):
-        for (solver, poses, _), own in zip(cases, times, strict=True):
-            unsolved, angles = replace(solver), np.linspace(0.0, solver.period, poses)
-            first, repeated = (seconds(unsolved.solve_along, angles) for _ in range(2))
-            own.append((1e6 * first / poses, 1e6 * repeated / poses))
-    medians = np.median(times, 1)
+    medians = np.median([[microseconds(*case[:2]) for case in cases] for _ in range(ROUNDS)], 0)
     for (solver, poses, limit), (first, repeated) in zip(cases, medians, strict=True):
         print(
             f"{solver.name:<14} {poses:>6} configurations: {first:6.1f} us each, "
@@ -78,17 +83,20 @@ def print_bands() -> None:
         dense, own = (median(each[1:]) for each in by_method)
         print(f"{2 * count:>4} unknowns, 100 configurations: dense {dense:5.0f} ms, in a band {own:5.0f} ms")
     banded.MIN_RATIO, number, every = 0, np.random.default_rng(0), np.arange(UNKNOWNS)
+    ones = np.ones((9, UNKNOWNS))
     for ratio in (2, 4, 8, 16):
         i, j = np.nonzero(np.abs(np.subtract.outer(every, every)) <= UNKNOWNS // ratio // 2)
         values = number.standard_normal((len(i), 9)) + UNKNOWNS * (i == j)[:, None]
         order = banded.band(banded.SparseMatrices(i, j, values, (UNKNOWNS, UNKNOWNS)), every, every)
-        matrices, right = banded.BandedSystems(order, values[order.entries]), np.ones((9, UNKNOWNS))
-        dense = matrices.dense
-        ratios = [
-            seconds(replace(matrices).solution, right) / seconds(np.linalg.solve, dense, right[..., None])
-            for _ in range(ROUNDS)
-        ]
-        print(f"{UNKNOWNS} unknowns, {ratio:>2} times the width: {median(ratios):.2f} of the time of numpy")
+        systems = banded.BandedSystems(order, values[order.entries])
+        dense = partial(np.linalg.solve, systems.dense, ones[..., None])
+        own = relative_time(lambda systems=systems: replace(systems).solution(ones), dense)
+        print(f"{UNKNOWNS} unknowns, {ratio:>2} times the width: {own:.2f} of the time of numpy")
+    methods = banded.sparse_least_norm, least_norm
+    for count, n in ((20, 1), (20, 50), (40, 1), (60, 1)):
+        chains = np.triu(np.tril(number.standard_normal((n, count, count)), 2), -2)[:, 1:]
+        own = relative_time(*(partial(method, chains, chains[..., 0]) for method in methods))
+        print(f"{count} unknowns, {n:>2} least solutions: {own:.2f} of the time of pseudo-inverses")
 
 
 if __name__ == "__main__":

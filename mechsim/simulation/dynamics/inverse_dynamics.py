@@ -10,7 +10,6 @@ import numpy as np
 from mechsim.mechanism.force_record import ForceRecord
 from mechsim.mechanism.motion import join, replace_instants, weighted_sums
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.banded import entries_of, least_norm_systems
 from mechsim.numerics.rank import RANK_TOLERANCE, SPARSE, pseudo_inverse
 from mechsim.numerics.resources import Progress, no_progress
 from mechsim.simulation import loop_jacobian, recording
@@ -241,6 +240,8 @@ def _least(loaded: LoadedModel, jacobian: Array, inertia: Array, right: Array) -
 
 def _sparse_least(rows: Array, inertia: Array, scale: Array, right: Array) -> tuple[Array, Array] | None:
     """Return the same of many degrees of freedom; None if rows are redundant, or the loops are not banded."""
+    from mechsim.numerics.banded import entries_of, least_norm_systems
+
     mass = np.trace(inertia, axis1=1, axis2=2)[:, None] / inertia.shape[1]
     # in the units of the mean inertia
     metric = entries_of(inertia / mass[..., None])
