@@ -85,3 +85,12 @@ def test_a_solution_ignores_singular_values_below_the_floor():
     assert least_norm(1e-6 * np.eye(3), right) == pytest.approx(1e6 * right)
     assert least_norm(1e-14 * np.eye(3), right).tolist() == [0.0, 0.0, 0.0]
     assert least_norm(1e-6 * np.eye(3), right, 1e-5, 1e-5).tolist() == [0.0, 0.0, 0.0]
+
+
+def test_rows_of_zeros_do_not_count_in_large_matrices():
+    # 250 rows, of which three are independent
+    matrix = np.zeros((250, 5))
+    matrix[[3, 100, 249], [0, 2, 4]] = 1.0
+    matrix[7] = matrix[3] + matrix[100]
+    assert rank(matrix) == 3
+    assert null_space(matrix).shape == (2, 5)
