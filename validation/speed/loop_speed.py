@@ -83,14 +83,14 @@ def print_bands() -> None:
         dense, own = (median(each[1:]) for each in by_method)
         print(f"{2 * count:>4} unknowns, 100 configurations: dense {dense:5.0f} ms, in a band {own:5.0f} ms")
     banded.MIN_RATIO, number, every = 0, np.random.default_rng(0), np.arange(UNKNOWNS)
-    ones = np.ones((9, UNKNOWNS))
+    right = np.ones((9, UNKNOWNS))
     for ratio in (2, 4, 8, 16):
         i, j = np.nonzero(np.abs(np.subtract.outer(every, every)) <= UNKNOWNS // ratio // 2)
         values = number.standard_normal((len(i), 9)) + UNKNOWNS * (i == j)[:, None]
         order = banded.band(banded.SparseMatrices(i, j, values, (UNKNOWNS, UNKNOWNS)), every, every)
         systems = banded.BandedSystems(order, values[order.entries])
-        dense = partial(np.linalg.solve, systems.dense, ones[..., None])
-        own = relative_time(lambda systems=systems: replace(systems).solution(ones), dense)
+        dense = partial(np.linalg.solve, systems.dense, right[..., None])
+        own = relative_time(lambda systems=systems: replace(systems).solution(right), dense)
         print(f"{UNKNOWNS} unknowns, {ratio:>2} times the width: {own:.2f} of the time of numpy")
     methods = banded.sparse_least_norm, least_norm
     for count, n in ((20, 1), (20, 50), (40, 1), (60, 1)):
