@@ -1,6 +1,7 @@
 """Loop equations of many coordinates as sparse systems, for steps of least norm, null spaces, multipliers."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -8,6 +9,7 @@ from mechsim.kinematics.loops.constraints import TreeLoops
 from mechsim.kinematics.loops.kinematics import Coordinates, LinkPoses
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.banded import LeastNormSystems, SparseMatrices, least_norm_systems
+from mechsim.numerics.loop_solver import LoopSystem
 from mechsim.numerics.rank import least_norm
 
 
@@ -58,18 +60,12 @@ class SparseStep:
 
 
 @dataclass(frozen=True)
-class SparseLoops:
+class SparseLoops(LoopSystem[Coordinates]):
     """Loop equations for `newton.newton`, whose steps are of least norm."""
 
     loops: TreeLoops
 
-    def linearise(self, q: Coordinates, /) -> SparseStep:
-        """Return the equations about n configurations."""
+    def linearise(self, q: Coordinates, /) -> Any:
+        """Return the equations linearised about n configurations."""
         residual, systems = loop_systems(self.loops, q)
         return SparseStep(self.loops, q, residual.T, systems)
-
-    def retract(self, q: Coordinates, step: Array, /) -> Coordinates:
-        """Return configurations displaced by steps of the unknowns, (n, unknowns)."""
-        displacement = np.zeros((self.loops.count, len(step)))
-        displacement[self.loops.unknown] = step.T
-        return self.loops.displaced(q, displacement)

@@ -44,7 +44,7 @@ def close_nearest(
     if len(loops.unknown) >= SPARSE and loops.rows:
         from mechsim.kinematics.loops.sparse_loops import SparseLoops
 
-        many = newton(SparseLoops(loops), q, settings)
+        many = newton(SparseLoops(loops, loops.unknown), q, settings)
         return many.q, many.residual
     result = newton(LoopSystem(loops, loops.unknown), q, settings, least_norm)
     return result.q, result.residual
