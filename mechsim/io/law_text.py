@@ -26,9 +26,9 @@ from mechsim.mechanism.expressions import (
     without_time,
 )
 from mechsim.mechanism.forces import Forces
-from mechsim.mechanism.load_profile import PERIOD_TOLERANCE, LoadProfile, Over, constant, function, table
+from mechsim.mechanism.load_profile import LoadProfile, Over, constant, function, table, whole_revolutions
 from mechsim.mechanism.motion_laws import State, steady, tabled
-from mechsim.numerics.arrays import REVOLUTION, Array
+from mechsim.numerics.arrays import Array
 from mechsim.numerics.jets import Jet
 from mechsim.units import Unit
 
@@ -345,7 +345,7 @@ def parse_component(text: str, name: str, unit: str, parameters: Mapping[str, fl
 
     Args:
         text: an expression of t in s or of the crank angle in rad, or FILE.csv with columns t or angle and
-            value in SI. Straight lines connect its rows, and a revolution of angles repeats.
+            value in SI. Straight lines connect its rows, and whole revolutions of angles repeat.
         name: name of the column in a file with several columns.
         unit: "N" or "N m"; numbers without a unit are in it.
         parameters: parameter -> its number.
@@ -357,8 +357,10 @@ def parse_component(text: str, name: str, unit: str, parameters: Mapping[str, fl
         axis, position, value = read_column(
             text, name, list(_AXES), "a load give two, t in s or angle in rad"
         )
-        full_turn = axis == "angle" and abs(np.ptp(position) - REVOLUTION) < PERIOD_TOLERANCE
-        profile = table(position, value, over=_AXES[axis], periodic=bool(full_turn))
+        turns = whole_revolutions(float(np.ptp(position))) if axis == "angle" else 0
+        # several revolutions with other values at the end are the course of a motion
+        repeats = turns == 1 or (turns > 1 and value[0] == value[-1])
+        profile = table(position, value, over=_AXES[axis], periodic=bool(repeats))
         return LoadComponent(text, profile, profile.instructions[0])
     names = variables(text)
     if len(names) > 1:

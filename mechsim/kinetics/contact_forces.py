@@ -49,8 +49,9 @@ class ContactForce:
         largest: largest force in [N].
         largest_at: its time in [s].
         changes: times in [s] at which the force changes its sign.
-        preload: further constant force in [N], or moment in [N m], on the follower towards the cam with which
-            the contact never pulls; None for a curve.
+        preload: further constant force, or moment, on the follower towards the cam with which the contact never
+            pulls; None for a curve.
+        unit: of the preload, or of the force on a driven side with backlash: "N", or "N m" if it rotates.
     """
 
     one_sided: bool
@@ -62,6 +63,7 @@ class ContactForce:
     largest_at: float
     changes: tuple[float, ...]
     preload: float | None
+    unit: str
 
     def sentence(self, name: str) -> str:
         """Return in words whether the contact stays closed, or the rope taut."""
@@ -77,8 +79,8 @@ class ContactForce:
                 f"{instants} the other flank carries" if self.changes else "one flank carries all the time"
             )
             return (
-                f"{name}: {flank}, under {interval} N m or N; a change moves the driven side by "
-                f"{self.backlash:.6g} rad or m"
+                f"{name}: {flank}, under {interval} {self.unit}; a change moves the driven side by "
+                f"{self.backlash:.6g} {'m' if self.unit == 'N' else 'rad'}"
             )
         if not self.changes:
             if self.one_sided and self.least < 0.0:
@@ -88,7 +90,7 @@ class ContactForce:
             return f"{name}: the other flank carries {self._instants('from')}, up to {-self.least:.6g} N"
         more = ""
         if self.preload is not None:
-            more = f"; {self.preload:.6g} N or N m more on the follower towards the cam prevent it"
+            more = f"; {self.preload:.6g} {self.unit} more on the follower towards the cam prevent it"
         return f"{name}: the contact lifts off: its force changes sign {instants} and {reached}{more}"
 
     def _instants(self, preposition: str = "at") -> str:
@@ -123,6 +125,7 @@ def _contact_force(
 ) -> ContactForce:
     """Return the force of a contact by its name, or of a coupling by the label of its law."""
     contact, rope = model.mechanism.contacts.get(name), law is not None and law.rope
+    swings = contact is not None and isinstance(contact.shape, Cam) and contact.shape.motion == "swinging"
 
     def force(instants: Array) -> tuple[Array, Array | None]:
         """Return the force, (n,) in [N] or [N m], and at a cam its lever, (n,) in [1] or [m]."""
@@ -171,4 +174,5 @@ def _contact_force(
         largest_at=largest_at,
         changes=tuple(changes.tolist()),
         preload=None if levers is None else max(0.0, peak(preload, samples)[1]),
+        unit=model.mechanism.effort_unit(next(iter(law.left_terms))) if law else "N m" if swings else "N",
     )

@@ -22,7 +22,8 @@ from mechsim.numerics.complementarity import balanced_friction
 
 # share of a self-stress that changes the magnitude of a load, above rounding
 FELT = 1e-6
-# load relative to the largest one below which it is rounding, and has no direction
+# load relative to the largest one, and to the largest force or moment on a link, below which it is
+# rounding, and has no direction
 NO_LOAD = 1e-9
 
 
@@ -76,7 +77,9 @@ def friction_by_load(
     magnitude, radius, solutions = balanced_friction(np.stack(constant, 1), base, response)
     final = base + np.einsum("nktcj,nj->nktc", response, magnitude)
     amount = np.sqrt((final**2).sum(-1))
-    clear = amount > NO_LOAD * amount.max((1, 2), keepdims=True)
+    pull, couple = (np.linalg.norm(block, axis=2).max(1) for block in np.split(needed[..., 0], 2, axis=2))
+    largest = np.maximum(amount.max((1, 2)), pull + couple / unit.mechanism.characteristic_length)
+    clear = amount > NO_LOAD * largest[:, None, None]
     along = final / np.where(clear, amount, np.inf)[..., None]
     stress = np.stack(stresses, 1)
     felt = np.abs(np.einsum("nktc,nktcs->nkts", along, stress))

@@ -100,6 +100,12 @@ def function(call: Callable[[Array], Array], *, over: Over = "angle", width: int
     return LoadProfile(over, call, width)
 
 
+def whole_revolutions(span: float) -> int:
+    """Return how many revolutions an angle in [rad] is, 0 if they are not whole."""
+    number = round(span / REVOLUTION)
+    return number if abs(span - number * REVOLUTION) <= PERIOD_TOLERANCE else 0
+
+
 def table(
     positions_given: ArrayLike,
     values: ArrayLike,
@@ -110,16 +116,18 @@ def table(
 ) -> LoadProfile:
     """Return a load that interpolates a table.
 
+    A table over two revolutions repeats after them, as the gas force of a four-stroke engine.
+
     Args:
         positions_given: crank angles in [rad] or times in [s], increasing, (m,).
         values: (m,) or (m, 3).
         over: variable of the table, "angle" or "time".
-        periodic: whether the table repeats: its last row equals the first, and angles span one revolution.
+        periodic: whether the table repeats: its last row equals the first, and angles span whole revolutions.
             The default is True for angles and False for times.
         smooth: interpolates by a cubic spline with two continuous derivatives instead of straight lines.
 
     Raises:
-        InputError: for a table that does not increase, does not span the revolution, or is not periodic.
+        InputError: for a table that does not increase, does not span whole revolutions, or is not periodic.
     """
     from scipy.interpolate import make_interp_spline
 
@@ -128,17 +136,19 @@ def table(
     _require_table(x, y, over)
     if repeats:
         span, jump = float(x[-1] - x[0]), float(np.abs(y[-1] - y[0]).max())
-        if over == "angle" and abs(span - REVOLUTION) > PERIOD_TOLERANCE:
+        period = REVOLUTION * whole_revolutions(span) if over == "angle" else span
+        if not period:
             raise InputError(
                 f"load table does not span one revolution: it goes from {x[0]:.8g} to {x[-1]:.8g} rad, "
-                f"{span:.8g} of {REVOLUTION:.8g}; give rows over exactly one revolution, both ends included"
+                f"{span:.8g} of {REVOLUTION:.8g}; give rows over exactly one revolution, or several, both ends "
+                "included"
             )
         if jump > 1e-9 * float(np.abs(y).max()):
             raise InputError(
                 f"load table is not periodic: its last row differs from its first by {jump:.6g}; "
                 "end it with the values of its first row"
             )
-        x = x[0] + (x - x[0]) * (REVOLUTION / span) if over == "angle" else x
+        x = x[0] + (x - x[0]) * (period / span)
         y = np.concatenate([y[:-1], y[:1]])
     least = 4 if smooth else 2
     if len(x) < least:
@@ -175,7 +185,7 @@ class Interpolated:
         slack = 1e-9 * (last - first)
         outside = (positions < first - slack) | (positions > last + slack)
         if outside.any():
-            remedy = ", or let it span one revolution, 6.283185 rad, after which it repeats"
+            remedy = ", or let it span whole revolutions, 6.283185 rad each, after which it repeats"
             raise InputError(
                 f"load table covers {self.over} {first:.8g} to {last:.8g}, but the motion needs "
                 f"{positions[outside][0]:.6g}; make the table longer{remedy if self.over == 'angle' else ''}"

@@ -24,10 +24,12 @@ def plane_normals(mechanism: Mechanism) -> dict[str, Array] | None:
         mechanism: the mechanism.
 
     Returns:
-        Link ("ground" included) -> unit vector, (3,): along the crank's axis, transferred along the joints.
+        Link ("ground" included) -> unit vector, (3,): along the axis of the first hinge, a driven one if there
+        is one, transferred along the joints.
     """
-    joint = (mechanism.driven_joints or mechanism.joints)[0]
-    return _normals(joint.a, mechanism, mechanism.joints)
+    joints = [*mechanism.driven_joints, *mechanism.joints]
+    hinge = next((joint for joint in joints if KINDS[joint.kind].hinge), joints[0])
+    return _normals(hinge.a, mechanism, mechanism.joints)
 
 
 def hinged_normals(mechanism: Mechanism) -> dict[str, Array] | None:

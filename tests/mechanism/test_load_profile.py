@@ -37,8 +37,16 @@ def test_a_period_rounded_to_six_digits_is_scaled_to_a_revolution():
     assert np.abs(exact.evaluate(samples, samples) - written.evaluate(samples, samples)).max() < 1e-5
 
 
+def test_a_table_over_two_revolutions_repeats_after_them():
+    x = np.linspace(0.0, 2.0 * REVOLUTION, 17)
+    load = ms.load_profile.table(x.round(6), np.sin(x / 2.0))
+    # the work of a four-stroke engine has the period of two revolutions
+    assert np.abs(load.evaluate(x + 2.0 * REVOLUTION, x) - np.sin(x / 2.0)).max() < 1e-6
+    assert np.abs(load.evaluate(x[:9] + REVOLUTION, x[:9]) + np.sin(x[:9] / 2.0)).max() < 1e-6
+
+
 def test_a_table_that_is_not_periodic_is_not_extrapolated():
-    for over, remedy in (("angle", "longer, or let it span one revolution, 6.28"), ("time", "longer$")):
+    for over, remedy in (("angle", "longer, or let it span whole revolutions, 6.28"), ("time", "longer$")):
         load = ms.load_profile.table([0.0, 1.0], [2.0, 3.0], over=over, periodic=False)
         assert load.evaluate([0.5], [0.5])[0] == 2.5
         with pytest.raises(

@@ -12,6 +12,7 @@ from mechsim.mechanism.motion_plane import plane_normals
 
 def test_a_mechanism_is_planar_if_no_joint_leaves_the_plane():
     planar = [ms.catalog.make(name).mechanism for name in ("four_bar", "slider_crank")]
+    planar.append(stated_mechanism("driven_mechanisms_boom.toml"))  # a cylinder drives it
     assert all(plane_normals(item) for item in [*planar, mechanisms.geared_five_bar()])
     spatial = [ms.catalog.make("rssr").mechanism, mechanisms.bennett(), mechanisms.rsup()]
     assert not any(plane_normals(item) for item in spatial)
