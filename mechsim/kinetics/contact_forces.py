@@ -49,8 +49,8 @@ class ContactForce:
         largest: largest force in [N].
         largest_at: its time in [s].
         changes: times in [s] at which the force changes its sign.
-        preload: further constant force, or moment, on the follower towards the cam with which the contact never
-            pulls; None for a curve.
+        preload: further constant force, or moment, on the follower towards the cam with which the contact
+            never pulls; None for a curve.
         unit: of the preload, or of the force on a driven side with backlash: "N", or "N m" if it rotates.
     """
 

@@ -24,8 +24,8 @@ def plane_normals(mechanism: Mechanism) -> dict[str, Array] | None:
         mechanism: the mechanism.
 
     Returns:
-        Link ("ground" included) -> unit vector, (3,): along the axis of the first hinge, a driven one if there
-        is one, transferred along the joints.
+        Link ("ground" included) -> unit vector, (3,): along the axis of the first hinge, a driven one if
+        possible, transferred along the joints.
     """
     joints = [*mechanism.driven_joints, *mechanism.joints]
     hinge = next((joint for joint in joints if KINDS[joint.kind].hinge), joints[0])
