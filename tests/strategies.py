@@ -2,12 +2,15 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
+from typing import Any
 
 import numpy as np
 from hypothesis import assume
 from hypothesis import strategies as st
 
 from mechsim import catalog
+from mechsim.errors import InputError
 from mechsim.kinematics.solvers import KinematicSolver
 
 Mirror = Callable[[KinematicSolver], tuple[KinematicSolver, float, np.ndarray]]
@@ -22,108 +25,40 @@ turns = st.integers(-3140, 3140).map(lambda value: (value + 0.41) * 1e-3)
 branches = st.sampled_from([1, -1])
 
 
-@st.composite
-def rssrs(draw: st.DrawFn) -> KinematicSolver:
-    """A spatial four-bar whose coupler fits at one crank and rocker angle, so that it can be assembled."""
-    base = catalog.make(
-        "rssr",
-        crank=draw(lengths),
-        rocker=draw(lengths),
-        pivot=tuple(draw(offsets) for _ in range(3)),
-        gamma1=draw(turns),
-        gamma2=draw(turns),
-        branch=draw(branches),
-    )
-    f, swing = draw(turns), draw(turns)
-    x, y, _ = base.closed_form.rocker_frame.T
-    p2 = base.crank * np.array([0.0, np.cos(f), np.sin(f)])
-    p3 = np.array(base.pivot) + base.rocker * (np.cos(swing) * x + np.sin(swing) * y)
-    coupler = float(np.linalg.norm(p3 - p2))
-    assume(coupler > 0.005)
-    return base.with_parameters(coupler=coupler)
+# parameters that are distances with a sign, and those of a guide that is absent
+SIGNED = ("offset", "axis_y", "axis_z")
+GUIDE = ("psi1", "psi2", "beta1", "beta2")
 
 
 @st.composite
-def four_bars(draw: st.DrawFn) -> KinematicSolver:
-    """A planar four-bar whose coupler fits at one crank and rocker angle."""
-    crank, rocker, ground = (draw(lengths) for _ in range(3))
-    f, swing = draw(turns), draw(turns)
-    coupler = abs(crank * np.exp(1j * f) - ground - rocker * np.exp(1j * swing))
-    # two equal links let the pin reach a pivot, where the rocker is undetermined
-    assume(coupler > 0.005 and np.diff(np.sort([ground, crank, coupler, rocker])).min() > 2e-5)
-    return catalog.make(
-        "four_bar",
-        ground=ground,
-        crank=crank,
-        coupler=float(coupler),
-        rocker=rocker,
-        branch=draw(branches),
-        arm=draw(lengths),
-        arm_angle=draw(turns),
-    )
+def random_mechanisms(draw: st.DrawFn, name: str) -> KinematicSolver:
+    """A mechanism of random dimensions and a random assembly mode that can be assembled somewhere."""
+    usual = catalog.make(name)
+    values = dict[str, Any]()
+    for parameter, value in usual.parameters.items():
+        unit = usual.dimensions.get(parameter, (0.0, ""))[1]
+        if isinstance(value, tuple):
+            values[parameter] = tuple(draw(offsets) for _ in value)
+        elif parameter in ("branch", "side"):
+            values[parameter] = draw(branches)
+        elif unit == "m":
+            values[parameter] = draw(offsets if parameter in SIGNED else lengths)
+        elif unit == "rad" and parameter not in GUIDE:
+            values[parameter] = draw(turns)
+    # two equal links let a pin reach a pivot, where the rocker is undetermined; equal twists are no linkage
+    sizes = sorted(abs(value) for value in values.values() if isinstance(value, float))
+    assume(np.diff(sizes).min(initial=1.0) > 2e-5 and abs(np.sin(values.get("arm_angle", 1.0))) > 0.05)
+    try:
+        linkage = catalog.make(name, **values)
+    except InputError:
+        assume(False)
+    assume(linkage.crank_range().arcs)
+    return linkage
 
 
-@st.composite
-def slider_cranks(draw: st.DrawFn) -> KinematicSolver:
-    """A slider-crank whose rod is longer than the height of the slide above the pin at one crank angle."""
-    crank, offset = draw(lengths), draw(offsets)
-    height = abs(offset - crank * np.sin(draw(turns)))
-    rod = float(np.hypot(height, draw(lengths)))
-    return catalog.make("slider_crank", crank=crank, rod=rod, offset=offset, branch=draw(branches))
-
-
-@st.composite
-def rrsrrs(draw: st.DrawFn) -> KinematicSolver:
-    """A five-link whose connecting link fits at one crank and one coupler angle."""
-    f, v = draw(turns), draw(turns)
-    crank, coupler, pivot = draw(lengths), draw(lengths), tuple(draw(offsets) for _ in range(3))
-    reach = crank + coupler * np.cos(v)
-    s = np.array([coupler * np.sin(v), reach * np.cos(f), reach * np.sin(f)])
-    link = float(np.linalg.norm(s - pivot))
-    assume(link > 0.005)
-    axis = {"gamma1": draw(turns), "gamma2": draw(turns)}
-    return catalog.make(
-        "rrsrr", crank=crank, coupler=coupler, link=link, pivot=pivot, branch=draw(branches), **axis
-    )
-
-
-@st.composite
-def loopers(draw: st.DrawFn) -> KinematicSolver:
-    """A looper that fits at one crank angle, one rocker angle and one swing of the follower."""
-    base = catalog.make(
-        "looper",
-        crank=draw(lengths),
-        rocker=draw(lengths),
-        frame=draw(lengths),
-        frame_angle=draw(turns),
-        arm=draw(lengths),
-        arm_angle=draw(turns),
-        follower=draw(lengths),
-        branch=draw(branches),
-        side=draw(branches),
-    )
-    f, swing, cone, tilt = (draw(turns) for _ in range(4))
-    a = base.crank * np.exp(1j * f)
-    b = base.frame * np.exp(1j * base.frame_angle) + base.rocker * np.exp(1j * swing)
-    sides = np.sort([abs(b - a), base.crank, base.rocker, base.frame])
-    assume(abs(b - a) > 0.005 and abs(np.sin(base.arm_angle)) > 0.05 and np.diff(sides).min() > 2e-5)
-    along = (b - a) / abs(b - a)
-    out = base.arm * np.sin(base.arm_angle)
-    y = (a + along * (base.arm * np.cos(base.arm_angle) + 1j * out * np.cos(cone))).imag
-    return base.with_parameters(
-        coupler=float(abs(b - a)),
-        axis_y=float(y - base.follower * np.cos(tilt)),
-        axis_z=float(out * np.sin(cone) - base.follower * np.sin(tilt)),
-    )
-
-
-@st.composite
-def bennetts(draw: st.DrawFn) -> KinematicSolver:
-    twists = st.integers(60, 3080).map(lambda value: (value + 0.41) * 1e-3)
-    first, second = draw(twists), draw(twists)
-    assume(abs(first - second) > 0.02)
-    sign = draw(st.sampled_from([1, -1]))
-    return catalog.make("bennett", length0=draw(lengths), twist0=sign * first, twist1=sign * second)
+four_bars, slider_cranks, rssrs, rrsrrs, bennetts = (
+    partial(random_mechanisms, name) for name in ("four_bar", "slider_crank", "rssr", "rrsrr", "bennett")
+)
 
 
 def random_knitter(seed: int, ratio: float = -2.0) -> KinematicSolver:
@@ -224,7 +159,7 @@ CASES = {
     "rssr": Case(rssrs(), flipped(0, "pivot", "gamma1", "branch")),
     "rrsrr": Case(rrsrrs(), flipped(0, "pivot", "gamma1", "branch")),
     "looper": Case(
-        loopers(),
+        random_mechanisms("looper"),
         flipped(2, "axis_z", "side"),
         scaled=1e-12,
         # a long arm shows the rounding of a short coupler's direction

@@ -109,23 +109,6 @@ def test_random_order_and_long_steps_keep_the_assembly_mode(compiled, name):
 
 
 @pytest.mark.long
-def test_configurations_near_a_change_point_keep_the_assembly_mode(compiled):
-    # nearly a parallelogram: two assembly modes are close at 0 and 180 deg
-    rng = np.random.default_rng(6)
-    for miss in 10.0 ** rng.uniform(-6.0, -1.0, 1):
-        four_bar = ms.catalog.make(
-            "four_bar", ground=0.1, crank=0.04, coupler=0.1 * (1.0 + miss), rocker=0.04 * (1.0 + miss)
-        )
-        solver, model = ms.compile(four_bar), KinematicSolver(four_bar.mechanism)
-        for angle in rng.uniform(-np.pi, np.pi, 24):
-            try:
-                mine = solver.solve([angle]).points["B"].position
-            except AssemblyError:
-                continue
-            assert np.abs(mine - model.solve([angle]).points["B"].position).max() < 1e-7
-
-
-@pytest.mark.long
 def test_angles_outside_the_range_are_rejected(compiled):
     solver = compiled("bricard")
     low, high = solver.code.assembly.interval
@@ -148,14 +131,6 @@ def test_a_fast_spin_within_a_step_is_resolved(compiled):
     solver = compiled("five_bar")
     long, short = (solver.solve_drivers(path).motion[-1, 0] for path in (ends, np.linspace(*ends, 300)))
     assert np.abs(long - short).max() < 1e-9
-
-
-@pytest.mark.slow
-def test_driver_values_outside_the_workspace_are_rejected(compiled):
-    solver = compiled("stewart_gough")
-    start = solver.code.assembly.start.values[solver.code.assembly.driven, 0]
-    with pytest.raises(AssemblyError, match=r"beyond a singular|not reached"):
-        solver.solve_drivers(start + np.array([3.0, 0, 0, 0, 0, 0]))
 
 
 def test_a_missing_compiler_is_reported(monkeypatch):

@@ -19,7 +19,6 @@ from mechsim.codegen.fmu import fmu_archive
 from mechsim.codegen.fmu_dynamics import dynamic_fmu
 from mechsim.codegen.fmu_kinematics import kinematic_fmu
 from mechsim.codegen.solver_code import solver_code
-from mechsim.errors import MissingToolError
 from mechsim.io import reference_data
 from mechsim.kinetics.model import dynamic_model
 from mechsim.mechanism.motors import TorqueSpeedLine
@@ -235,10 +234,3 @@ def test_sources_compile_without_warnings_and_with_the_standards_headers(tmp_pat
             flags = ("-std=c99", "-Wall", "-Wextra", "-Werror", "-fsyntax-only", *header)
             result = subprocess.run([compiler, *flags, source], capture_output=True, text=True, check=False)
             assert result.returncode == 0, result.stderr
-
-
-def test_a_missing_compiler_is_named(monkeypatch):
-    model = kinematic_fmu(solver_code(assembly(ms.load("four_bar"))))
-    monkeypatch.setenv("CC", "missing-compiler")
-    with pytest.raises(MissingToolError, match="CC=missing-compiler is not found"):
-        fmu_archive(model, 3)

@@ -2,7 +2,6 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
-import pytest
 
 import mechsim as ms
 from mechsim.kinematics.solvers import KinematicSolver
@@ -29,16 +28,6 @@ def revolution_of(name: str, route: str = "step") -> ms.Motion:
 
 
 # correct mechanisms
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("name", LINKAGES)
-def test_the_loop_equations_can_be_the_analytic_motion(name: str) -> None:
-    mechanism = LINKAGES[name].mechanism
-    motion = motion_of(mechanism, samples=24)
-    exact = ms.loops.solve(mechanism, motion.angle, motion.speed, motion.acceleration)
-    free = frozenset() if "guided" in name else LINKAGES[name].solve([0.0]).spinning
-    assert ms.crosscheck(motion, replace(exact, spinning=free)).passed
 
 
 # wrong mechanisms

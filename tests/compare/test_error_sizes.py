@@ -70,11 +70,6 @@ def test_the_orientation_error_is_the_angle_of_rotation(angle):
             assert_allclose(errors.orientation(first, second, "rod"), angle, rtol=1e-6)
 
 
-def test_equal_orientations_have_no_error():
-    start = rotation_about((0.3, -0.4, 0.8), 0.7)
-    assert_allclose(errors.orientation(motion(start), motion(start), "rod"), 0.0, atol=1e-15)
-
-
 def test_point_errors_are_distances():
     differences = RANDOM.normal(size=(3, N, 3))
     base = RANDOM.normal(size=(3, N, 3))

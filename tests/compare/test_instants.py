@@ -65,17 +65,6 @@ def test_force_checks_on_motion_laws_report_times(swinging):
     assert max(item.instant for item in verdict.checks) <= 2.0
 
 
-@pytest.mark.slow
-def test_formula_checks_on_motion_laws_report_times(swinging):
-    exact = ms.catalog.make("four_bar").positions
-    result = ms.validate(swinging, lambda angle: {"B": exact(angle)["B"] + bump(angle, 0.3)})
-    (check,) = result.checks
-    assert check.at_unit == "s"
-    assert min(abs(check.instant - 0.25), abs(check.instant - 1.25)) < 0.01
-    assert result.attribution["at_unit"] == "s"
-    assert result.attribution["at"] % 1.0 == pytest.approx(0.25, abs=0.01)
-
-
 @pytest.mark.long
 def test_checks_of_a_table_without_times_report_rows(tmp_path):
     solver = ms.load("five_bar")
@@ -91,6 +80,13 @@ def test_checks_of_a_table_without_times_report_rows(tmp_path):
     assert (check.instant, check.at_unit) == (7.0, "row")
 
 
+def test_a_sweep_with_motion_laws_reports_their_duration():
+    table = ms.sweep("five_bar", {"arm": [0.05]}, "max:P.x")
+    assert (table.attrs["duration"], table.attrs["duration_units"]) == (1, "s")
+    assert "speed" not in table.attrs
+    assert json.dumps(table.attrs, default=float)
+
+
 def test_mixed_instants_are_printed_with_their_units():
     allowed = Tolerance(1.0, "m", "why")
     angle = check_of("position", "A", np.ones(1), np.array([0.5]), allowed)
@@ -98,10 +94,3 @@ def test_mixed_instants_are_printed_with_their_units():
     head, rows = check_table([angle, time])
     assert (head[2], [row[2] for row in rows]) == ("at", ["28.65 deg", "2 s"])
     assert check_table([time])[0][2] == "at [s]"
-
-
-def test_a_sweep_with_motion_laws_reports_their_duration():
-    table = ms.sweep("five_bar", {"arm": [0.05]}, "max:P.x")
-    assert (table.attrs["duration"], table.attrs["duration_units"]) == (1, "s")
-    assert "speed" not in table.attrs
-    assert json.dumps(table.attrs, default=float)

@@ -51,37 +51,24 @@ def raised(heights):
     )
 
 
-def heights_from(first, height, until=N):
-    heights = np.zeros(N)
-    heights[first:until] = height
-    return heights
-
-
-@pytest.mark.parametrize("first", [0, 3, N - 2])
-def test_a_change_of_assembly_mode_is_reported_with_its_first_instant(first):
-    solver = TwoAssemblies(np.full(N, 0.2))
-    assert elsewhere(raised(heights_from(first, 0.2)), RIGHT, solver) == pytest.approx(ANGLE[first])
-    assert elsewhere(raised(heights_from(first, 0.14)), RIGHT, solver) == pytest.approx(ANGLE[first])
-
-
-def test_another_assembly_mode_must_be_twice_as_close():
-    solver = TwoAssemblies(np.full(N, 0.2))
-    # 0.06 of 0.2 is closer to its own mode; 0.12 is not twice as close to the other
-    for height in (0.0, 0.06, 0.12, -0.2):
-        assert elsewhere(raised(heights_from(0, height)), RIGHT, solver) is None
-
-
-def test_a_single_sample_is_not_a_change_of_assembly_mode():
-    solver = TwoAssemblies(np.full(N, 0.2))
-    assert elsewhere(raised(heights_from(4, 0.2, 5)), RIGHT, solver) is None
-    assert elsewhere(raised(heights_from(N - 1, 0.2)), RIGHT, solver) is None
-    assert elsewhere(raised(heights_from(4, 0.2, 6)), RIGHT, solver) == pytest.approx(ANGLE[4])
-
-
-@pytest.mark.parametrize(("distance", "reported"), [(0.009, False), (0.011, True)])
-def test_close_assembly_modes_are_not_distinguished(distance, reported):
-    result = elsewhere(raised(heights_from(0, distance)), RIGHT, TwoAssemblies(np.full(N, distance)))
-    assert (result == pytest.approx(ANGLE[0])) if reported else (result is None)
+@pytest.mark.parametrize(
+    ("apart", "height", "first", "until", "reported"),
+    [
+        *((0.2, 0.2, first, N, first) for first in (0, 3, N - 2)),
+        # another assembly mode must be twice as close: 0.06 of 0.2 is closer to its own
+        *((0.2, height, 0, N, None) for height in (0.0, 0.06, 0.12, -0.2)),
+        (0.2, 0.14, 0, N, 0),
+        # two samples are a change of assembly mode, a single one is not
+        *((0.2, 0.2, *samples) for samples in ((4, 5, None), (N - 1, N, None), (4, 6, 4))),
+        # modes closer than 0.01 m are not distinguished
+        (0.009, 0.009, 0, N, None),
+        (0.011, 0.011, 0, N, 0),
+    ],
+)
+def test_a_change_of_assembly_mode_is_reported_with_its_first_instant(apart, height, first, until, reported):
+    heights = np.where((np.arange(N) >= first) & (np.arange(N) < until), height, 0.0)
+    result = elsewhere(raised(heights), RIGHT, TwoAssemblies(np.full(N, apart)))
+    assert result == (None if reported is None else pytest.approx(ANGLE[reported]))
 
 
 def test_separating_assembly_modes_are_distinguished():

@@ -30,13 +30,6 @@ UNIT = np.ones(N)
 # tolerances
 
 
-def test_no_tolerance_is_requested_by_default():
-    assert (Requested().tolerance, Requested().scale) == (0.0, 1.0)
-    plain = ToleranceRule("why", 1e-3)
-    assert (plain.requested, plain.power, plain.scale) == (0.0, 0, "")
-    assert plain.tolerance("m", 2.0, Requested()).value == pytest.approx(2e-3)
-
-
 def test_the_larger_of_fixed_and_requested_tolerance_applies():
     limit = ToleranceRule("{part:.3g} of {scale:.3g} {unit}", 1e-3, requested=2.0, power=3)
     strict, loose = (limit.tolerance("m", 0.5, Requested(fraction, scale=4.0)) for fraction in (1e-6, 0.1))
@@ -313,12 +306,8 @@ def test_a_single_instant_of_another_speed_fails():
 
 def test_motions_at_other_angles_or_points_are_rejected():
     exact = replace(EXACT, source="closed form")
-    shifted = replace(EXACT, angle=ANGLE + 1e-9)
     with pytest.raises(Exception, match="has other crank angles"):
-        crosscheck(shifted, exact)
-    with pytest.raises(Exception, match="has other crank angles"):
-        crosscheck(shifted, replace(exact, angle=ANGLE[:1]))
-    assert crosscheck(replace(EXACT, angle=ANGLE + 1e-13), exact).passed
+        crosscheck(EXACT, replace(exact, angle=ANGLE[:1]))
     with pytest.raises(Exception, match="has no point Q"):
         crosscheck(EXACT, replace(exact, points={**EXACT.points, "Q": EXACT.points["P"]}))
     with pytest.raises(Exception, match="has no point"):

@@ -3,17 +3,15 @@
 import mujoco
 import numpy as np
 import pytest
-from model_files import model_text
+from model_files import FOLDER, changed_model, load_model
 
 import mechsim as ms
 from mechsim.shapes.joints import link_shapes
 
 
 @pytest.mark.parametrize(("kind", "axis"), [("spherical", ""), ("universal", ", axis = [0, 1, 0]")])
-def test_the_first_joint_turns_about_one_axis(tmp_path, kind, axis):
-    path = tmp_path / "pendulum.toml"
-    path.write_text(model_text("balls_alone_pendulum.toml", kind=kind, axis=axis))
-    solver = ms.load(str(path))
+def test_the_first_joint_turns_about_one_axis(kind, axis):
+    solver = load_model("balls_alone_pendulum.toml", kind=kind, axis=axis)
     assert any("turns once about one oblique axis" in fact for fact in solver.facts)
     motion = solver.solve(t=np.linspace(0.0, 1.0, 9))
     start, end = motion.points["C"].position[[0, -1]]
@@ -33,28 +31,18 @@ def test_the_first_joint_turns_about_one_axis(tmp_path, kind, axis):
     assert len(validation.checks) > 5
 
 
-def test_an_undriven_ball_is_exported_as_a_ball_and_not_driven_in_a_live_page(tmp_path, mechsim):
-    path, copy = tmp_path / "pendulum.toml", tmp_path / "copy.toml"
-    path.write_text(model_text("balls_alone_pendulum.toml", kind="spherical", axis=""))
-    model = mujoco.MjModel.from_xml_string(ms.export(str(path)).text)
+def test_an_undriven_ball_is_exported_as_a_ball_and_not_driven_in_a_live_page(mechsim):
+    path = changed_model("balls_alone_pendulum.toml", kind="spherical", axis="")
+    model = mujoco.MjModel.from_xml_string(ms.export(path).text)
     assert [int(kind) for kind in model.jnt_type] == [mujoco.mjtJoint.mjJNT_BALL]
-    ms.export(str(path), copy, format="toml")
-    assert ms.load(str(copy), still=True).mechanism.joints[0].kind == "spherical"
-    code, _, err = mechsim("view", str(path), "--live", "-o", "a.html")
+    code, _, err = mechsim("view", path, "--live", "-o", "a.html")
     assert (code, "nothing is driven, and --live moves drivers; leave it out" in err) == (2, True)
 
 
-ROD_TOML = model_text("balls_alone_rod.toml")
-
-
-# the same bar as MJCF: its ropes are rods with small inertias about their lines
-BAR_XML = model_text("balls_alone_bar.xml")
-
-
 @pytest.mark.long
-def test_a_twin_in_mjcf_moves_alike_and_agrees_with_mujoco(file):
-    path = file(BAR_XML)
-    solver = ms.load(path, drive={"P.y": "0.3*sin(2*pi*t)"}, lock_others=True)
+def test_a_twin_in_mjcf_moves_alike_and_agrees_with_mujoco():
+    # the ropes of the bar are rods with small inertias about their lines
+    solver = ms.load(FOLDER / "balls_alone_bar.xml", drive={"P.y": "0.3*sin(2*pi*t)"}, lock_others=True)
     height = solver.solve(t=np.array([0.0, 0.25])).points["P"].position[1, 2]
     assert height == pytest.approx(-0.75 - np.sqrt(0.0175), abs=1e-12)
     validation = ms.validate(solver)
@@ -62,10 +50,9 @@ def test_a_twin_in_mjcf_moves_alike_and_agrees_with_mujoco(file):
     assert len(validation.checks) == 16
 
 
-def test_the_equations_of_a_driven_link_are_not_drawn(file):
-    path = file(ROD_TOML)
+def test_the_equations_of_a_driven_link_are_not_drawn():
     drawn, driven = (
-        link_shapes(ms.load(path, drive=laws, still=True).mechanism)
+        link_shapes(ms.load(FOLDER / "balls_alone_rod.toml", drive=laws, still=True).mechanism)
         for laws in ({}, {"a.rx": "0.3*sin(2*pi*t)"})
     )
     assert [len(shapes) for shapes in driven.values() if shapes] == [len(shapes) for shapes in drawn.values()]

@@ -88,12 +88,6 @@ def test_a_choice_of_the_formulas_alone_is_no_parameter_of_the_description(writt
     assert ms.load(path, {"loose": "on"}).mechanism.joint("slot").kind == "planar"
 
 
-def test_a_choice_replaces_a_joint(written):
-    path = written()
-    kinds = [ms.load(path, {"loose": text}).described.joint("slot").kind for text in ("off", "on")]
-    assert kinds == ["prismatic", "planar"]
-
-
 @pytest.mark.parametrize("code", [("def frames", "def framez"), ("self.crank *", "self.krank *")])
 def test_an_error_in_formulas_is_reported(written, code):
     with pytest.raises(ms.InputError, match=r"ends in (TypeError|AttributeError): .*; repair the file"):

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from model_files import model_text
+from model_files import FOLDER, copied
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
@@ -11,45 +11,34 @@ from mechsim.errors import MobilityError
 from mechsim.kinematics.loops.mobility import driver_determinacy
 
 # an arm of two hinges on a floating base, a head on a ball, and a four-bar of which only one hinge is driven
-ROBOT = model_text("lock_others_robot.xml")
-
-
-@pytest.fixture
-def robot(file):
-    return file(ROBOT)
+ROBOT = FOLDER / "lock_others_robot.xml"
 
 
 @pytest.mark.long
-def test_undriven_joints_outside_the_driven_loop_are_locked(robot):
-    laws = {"motor": "0.2*t"}
+def test_undriven_joints_outside_the_driven_loop_are_locked():
+    laws, times = {"motor": "0.2*t"}, np.linspace(0.0, 1.0, 3)
     with pytest.raises(MobilityError, match="underdetermined"):
-        ms.load(robot, drive=laws).solve(t=np.linspace(0.0, 1.0, 3))
-    solver = ms.load(robot, drive=laws, lock_others=True)
+        ms.load(ROBOT, drive=laws).solve(t=times)
+    solver = ms.load(ROBOT, drive=laws, lock_others=True)
     assert set(solver.mechanism.locked) == {"shoulder", "elbow"}
     assert driver_determinacy(solver.mechanism).outcome == "determined"
-    by_hand = ms.load(robot, drive=laws, lock=("float", "shoulder", "elbow", "neck"))
-    times = np.linspace(0.0, 1.0, 3)
-    item, other = solver.solve(t=times), by_hand.solve(t=times)
-    path, same = item.points["B1"].position, other.points["B1"].position
+    by_hand = ms.load(ROBOT, drive=laws, lock=("float", "shoulder", "elbow", "neck"))
+    path, same = (item.solve(t=times).points["B1"].position for item in (solver, by_hand))
     np.testing.assert_allclose(path, same, atol=1e-12)
     assert np.linalg.norm(path[-1] - path[0]) > 1e-3
     assert ms.simulate(solver, method="pose", samples=5).outcome == "passed"
 
 
 @pytest.mark.long
-def test_in_a_loop_only_the_necessary_joints_are_locked(robot):
-    solver = ms.load(robot, drive={"shoulder": "0.2*t"}, lock_others=True)
+def test_in_a_loop_only_the_necessary_joints_are_locked():
+    solver = ms.load(ROBOT, drive={"shoulder": "0.2*t"}, lock_others=True)
     assert "elbow" in solver.mechanism.locked
     assert len({"motor", "A", "C"} & set(solver.mechanism.locked)) == 1
 
 
-TWO_RODS = model_text("lock_others_two_rods.xml")
-
-
-def test_a_lock_at_a_value_leaves_the_other_joint_of_an_open_chain_free(file, mechsim):
+def test_a_lock_at_a_value_leaves_the_other_joint_of_an_open_chain_free():
     """The second rod then swings about a fixed pivot; points at rest are compared to rounding."""
-    path = file(TWO_RODS)
-    solver = ms.load(path, lock={"j1": "30deg"}, still=True)
+    solver = ms.load(FOLDER / "lock_others_two_rods.xml", lock={"j1": "30deg"}, still=True)
     run = ms.dynamics.run(solver, initial={"j2.q": 0.1}, duration=0.2)
     np.testing.assert_allclose(run.motion.joints["j1"].value, np.pi / 6, atol=1e-12)
     # a uniform capsule: mass of cylinder and half spheres, about its end
@@ -67,19 +56,14 @@ def test_a_lock_at_a_value_leaves_the_other_joint_of_an_open_chain_free(file, me
     assert run.motion.joints["j2"].value[-1] == pytest.approx(exact, abs=1e-7)
 
 
-# a rod between two balls, of which a point off its axis is tracked: its spin alone is undetermined
-ROD = model_text("lock_others_rod.xml")
-
-
 @pytest.mark.long
-@pytest.mark.parametrize("name", ["rod.xml", "rod.toml"])
-def test_of_a_rod_between_balls_only_the_spin_is_locked(tmp_path, name):
-    path = tmp_path / "rod.xml"
-    path.write_text(ROD)
-    if name != path.name:
-        ms.export(str(path), tmp_path / name, format="toml")
-        path = tmp_path / name
-    solver = ms.load(str(path), drive={"crank": "0.6*sin(2*pi*t)"}, lock_others=True)
+@pytest.mark.parametrize("suffix", ["xml", "toml"])
+def test_of_a_rod_between_balls_only_the_spin_is_locked(suffix):
+    # a point off the axis of the rod is tracked: its spin alone is undetermined
+    path = FOLDER / "lock_others_rod.xml"
+    if suffix == "toml":
+        path = copied(ms.export(path, format="toml").text)
+    solver = ms.load(path, drive={"crank": "0.6*sin(2*pi*t)"}, lock_others=True)
     assert solver.facts[-1].endswith(": A (one rotation)")
     motion = solver.solve(t=np.linspace(0.0, 1.0, 21))
 
@@ -95,13 +79,12 @@ def test_of_a_rod_between_balls_only_the_spin_is_locked(tmp_path, name):
 
 
 @pytest.mark.long
-def test_the_range_of_an_rssr_with_a_locked_spin_ends_where_the_rod_is_too_short(tmp_path):
+def test_the_range_of_an_rssr_with_a_locked_spin_ends_where_the_rod_is_too_short():
     """A(q) and B(p) are L apart for some p if |A - C|^2 + b^2 - L^2 is at most 2 b times A - C in B's plane.
 
     Beyond the end, states that a polynomial predicts can be so far away that residuals overflow.
     """
-    (tmp_path / "f.toml").write_text(model_text("lock_others_rssr.toml"))
-    arcs = ms.load(tmp_path / "f.toml", lock_others=True).crank_range().arcs
+    arcs = ms.load(FOLDER / "lock_others_rssr.toml", lock_others=True).crank_range().arcs
     axis = np.array([1.0, 0.3, 0.2]) / np.linalg.norm([1.0, 0.3, 0.2])
 
     def discriminant(q):

@@ -1,11 +1,10 @@
 """Locked ball joints and free bodies keep MuJoCo's initial pose in every method."""
 
-from pathlib import Path
-
 import mujoco
 import numpy as np
 import pytest
-from model_files import model_text
+from model_files import FOLDER
+from wheel_linkages import about_z
 
 from mechsim import simulate
 from mechsim.cli.options import ControlOptions, DriveOptions
@@ -17,18 +16,13 @@ from mechsim.studies.scene.scene import spec_of
 from mechsim.studies.scene.write_tuned import tuned_text, write_scene
 
 # a post on a hinge, a ball and a slide with inclined axes, an arm on the post, and a free body
-BOOM = model_text("locked_ball_joints_boom.xml")
+BOOM = str(FOLDER / "locked_ball_joints_boom.xml")
 LOCKED = ("lift", "neck", "rail", "loose")
-
-
-@pytest.fixture
-def boom(file):
-    return file(BOOM)
 
 
 def tip(key, rotation):
     """Return the tip by MuJoCo's kinematics of the whole file, the crank rotated from its start."""
-    model = mujoco.MjModel.from_xml_string(BOOM)
+    model = mujoco.MjModel.from_xml_path(BOOM)
     data = mujoco.MjData(model)
     if key is not None:
         mujoco.mj_resetDataKeyframe(model, data, model.key(key).id)
@@ -38,8 +32,8 @@ def tip(key, rotation):
 
 
 @pytest.mark.parametrize("key", [None, "k"])
-def test_locked_ball_and_free_joints_keep_their_initial_pose(boom, key):
-    solver = load(boom, drive={"crank": "0.5*t"}, lock=LOCKED, key=key)
+def test_locked_ball_and_free_joints_keep_their_initial_pose(key):
+    solver = load(BOOM, drive={"crank": "0.5*t"}, lock=LOCKED, key=key)
     initial = float(solver.motion_laws.first["crank"])
     crank_start = 0.0 if key is None else 0.7
     poses = solver.solve(t=np.array([0.0, 1.0])).points["tip"].position
@@ -54,7 +48,7 @@ def test_locked_ball_and_free_joints_keep_their_initial_pose(boom, key):
 
 @pytest.mark.parametrize("key", [None, "k"])
 def test_ball_joints_of_a_specification_can_be_locked(key):
-    spec = mujoco.MjSpec.from_string(BOOM)
+    spec = mujoco.MjSpec.from_file(BOOM)
     run = simulate(spec, drive="crank", speed=1.0, turns=0.1, lock=dict.fromkeys(LOCKED), key=key)
     position = run.motion.points["tip"].position
     np.testing.assert_allclose(position[-1], tip(key, 0.2 * np.pi), atol=1e-13)
@@ -62,11 +56,11 @@ def test_ball_joints_of_a_specification_can_be_locked(key):
         simulate(spec, drive="crank", speed=1.0, lock={"neck": 0.1})
 
 
-def test_locked_ball_joints_are_removed_from_tuned_models(boom):
+def test_locked_ball_joints_are_removed_from_tuned_models():
     driven = DriveOptions(lock=(("neck", None), ("loose", None)), drive=(("crank", "0.5*t"),))
-    scene = user_scene(boom, driven, ControlOptions())
+    scene = user_scene(BOOM, driven, ControlOptions())
     assert (scene.model.nq, spec_of(scene).compile().nq) == (3, 3)
-    text = tuned_text(scene, PlainSettings(), [], Path(boom).parent).after
+    text = tuned_text(scene, PlainSettings(), [], FOLDER).after
     assert "ball" not in text
     assert "freejoint" not in text
     model = mujoco.MjModel.from_xml_string(text)
@@ -88,17 +82,11 @@ def test_a_base_fixed_in_a_tuned_model_does_not_collide_with_its_children(tmp_pa
     write_scene(scene, PlainSettings(), text, tmp_path / "tuned.xml")
 
 
-ARM = model_text("locked_ball_joints_arm.toml")
-
-
-def test_a_locked_ball_joint_connects_its_links_rigidly(file):
-    path = file(ARM)
+def test_a_locked_ball_joint_connects_its_links_rigidly():
+    path = str(FOLDER / "locked_ball_joints_arm.toml")
     solver = load(path, lock=["neck"])
     position = solver.positions([0.0, 1.2])["tip"]
-    c, s = np.cos(1.2), np.sin(1.2)
-    np.testing.assert_allclose(
-        position[1], np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]) @ position[0], atol=1e-14
-    )
+    np.testing.assert_allclose(position[1], about_z(1.2) @ position[0], atol=1e-14)
     for method in ("pose", "step"):
         run = simulate(solver, speed=1.0, turns=0.25, method=method)
         assert run.outcome == "passed"

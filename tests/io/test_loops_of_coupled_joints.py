@@ -1,31 +1,23 @@
 """A loop all of whose joints are driven or coupled: one of them is split, and both methods agree."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
-from model_files import model_text
+from model_files import FOLDER, changed_model
 
 import mechsim as ms
 from mechsim.kinematics.loops.tree import spanning_tree
 from mechsim.kinematics.mobility_count import mobility
 
-TEXT = model_text("loops_of_coupled_joints_text.toml")
+LOOP = FOLDER / "loops_of_coupled_joints_text.toml"
 
 
-@pytest.fixture
-def coupled_loop(tmp_path: Path) -> str:
-    (tmp_path / "bound.toml").write_text(TEXT)
-    return str(tmp_path / "bound.toml")
-
-
-def test_both_methods_agree_on_a_loop_of_coupled_joints(coupled_loop: str) -> None:
-    solver = ms.load(coupled_loop)
+def test_both_methods_agree_on_a_loop_of_coupled_joints() -> None:
+    solver = ms.load(LOOP)
     tree = spanning_tree(solver.mechanism)
     assert not {"A", "B", "C", "arm", "crank"} - tree.index_of.keys()
     assert [*tree.links] == [link.name for link in solver.mechanism.links]
 
-    swung = ms.load(coupled_loop, drive={"crank": "0.4*sin(3*t)"}, duration=1.0)
+    swung = ms.load(LOOP, drive={"crank": "0.4*sin(3*t)"}, duration=1.0)
     run = ms.simulate(swung, method="pose", samples=9)
     exact = swung.solve(t=run.motion.time)
     length = solver.mechanism.characteristic_length
@@ -38,23 +30,20 @@ def test_both_methods_agree_on_a_loop_of_coupled_joints(coupled_loop: str) -> No
 
 
 @pytest.mark.long
-def test_loops_of_coupled_joints_have_derivatives(coupled_loop: str) -> None:
-    table = ms.sensitivity(coupled_loop, quantities="tip.x", to=["left"], angles=[0.2])
+def test_loops_of_coupled_joints_have_derivatives() -> None:
+    table = ms.sensitivity(LOOP, quantities="tip.x", to=["left"], angles=[0.2])
     step = 1e-5
-    positions = [
-        ms.load(coupled_loop, set={"left": 0.1 + item}).positions([0.2])["tip"][0, 0]
-        for item in (step, -step)
-    ]
-    assert dict(table.columns())["tip.x/left"][0] == pytest.approx(
-        (positions[0] - positions[1]) / (2 * step), rel=1e-6
+    ahead, behind = (
+        ms.load(LOOP, set={"left": 0.1 + item}).positions([0.2])["tip"][0, 0] for item in (step, -step)
     )
+    assert dict(table.columns())["tip.x/left"][0] == pytest.approx((ahead - behind) / (2 * step), rel=1e-6)
 
 
-def test_both_methods_keep_revolutions_that_no_pose_determines(tmp_path: Path) -> None:
-    path = tmp_path / "wound.toml"
-    loose = TEXT.replace(", arm = 0.3 }", " }").replace("[1.0, 0.3, 0.1]", "[0.01745, 0.3, 5.73]")
-    path.write_text(loose + "crank = {}\n")
-    solver = ms.load(str(path), drive={"crank": "0.02*sin(3*t)"}, duration=0.5)
+def test_both_methods_keep_revolutions_that_no_pose_determines() -> None:
+    loose = (", arm = 0.3 }", " }"), ("[1.0, 0.3, 0.1]", "[0.01745, 0.3, 5.73]")
+    solver = ms.load(
+        changed_model(LOOP.name, *loose, more="crank = {}"), drive={"crank": "0.02*sin(3*t)"}, duration=0.5
+    )
     wound = solver.mechanism.guess_coordinates["C"]
     assert abs(wound) > np.pi
     run = ms.simulate(solver, method="pose", samples=4)

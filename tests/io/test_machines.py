@@ -181,12 +181,6 @@ def test_machines_are_shown_balanced_and_drawn(name, mechsim, tmp_path):
 
 
 @pytest.mark.long
-def test_findings_name_the_file_that_is_checked():
-    path = str(gallery.machines()["cam_press"])
-    assert {violation.file for violation in ms.check(path)} == {path}
-
-
-@pytest.mark.long
 def test_limits_on_one_side_springs_and_initial_states_are_no_mistakes(file):
     expression = 'force = "-2 N*exp(20*l)"'
     clamp = model_text("latch_clamp.toml").replace('stiffness = "40 N/mm"\nrest = 50', expression)

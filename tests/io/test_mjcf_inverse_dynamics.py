@@ -3,12 +3,9 @@
 import mujoco
 import numpy as np
 import pytest
-from model_files import model_text
+from model_files import copied, model_text
 
-from mechsim import dynamics
-from mechsim.io.mjcf_source import read_mjcf
-from mechsim.io.model_source import Prescription
-from mechsim.mechanism.motion_laws import make_motion_laws
+from mechsim import dynamics, load
 
 ARM = model_text("mjcf_inverse_dynamics_arm.xml")
 NAMES = ("shoulder", "yaw", "rail")
@@ -27,18 +24,17 @@ def waving(middle, reach, rate):
     return state
 
 
-def test_drive_forces_agree_with_inverse_dynamics_of_mujoco(tmp_path):
-    file = tmp_path / "arm.xml"
-    file.write_text(ARM.format(dry=0.0))
-    solver = read_mjcf(str(file), Prescription(drive=dict.fromkeys(NAMES, "0")))
-    states = dict(zip(NAMES, map(waving, MIDDLES, REACHES, RATES), strict=True))
-    moves = make_motion_laws(solver.mechanism, states, 1.0)
-    limit = type(solver)(solver.mechanism, forces=solver.forces, source=solver.source, motion_laws=moves)
-    times = np.linspace(0.0, 1.0, 7)
-    result = dynamics.prescribed(dynamics.dynamic_model(limit, solver.forces), t=times).forces
-    model = mujoco.MjModel.from_xml_path(str(file))
+def test_drive_forces_agree_with_inverse_dynamics_of_mujoco():
+    text, times = ARM.format(dry=0.0), np.linspace(0.0, 1.0, 7)
+    laws = {
+        name: f"{middle} + {reach}*sin({rate}*t)"
+        for name, middle, reach, rate in zip(NAMES, MIDDLES, REACHES, RATES, strict=True)
+    }
+    solver = load(copied(text, ".xml"), drive=laws)
+    result = dynamics.prescribed(dynamics.dynamic_model(solver, solver.forces), t=times).forces
+    model = mujoco.MjModel.from_xml_string(text)
     data = mujoco.MjData(model)
-    value, rate, second = moves.state(times)
+    value, rate, second = solver.motion_laws.state(times)
     for i in range(len(times)):
         data.qpos[:], data.qvel[:], data.qacc[:] = value[:, i], rate[:, i], second[:, i]
         mujoco.mj_inverse(model, data)

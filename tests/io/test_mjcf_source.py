@@ -141,12 +141,6 @@ def test_nearly_parallel_axes_of_a_rounded_file_are_corrected(file):
     assert mujoco_residual(solver, motion) < 1e-6
 
 
-def test_axes_with_a_real_tilt_are_not_changed(file):
-    solver = read_mjcf(file(five_bar(0.0).replace('name="wrist"', 'name="wrist" axis="1e-2 -2e-2 1"')))
-    assert solver.corrected == (0.0, 0.0)
-    assert not any("deg off" in fact for fact in solver.facts)
-
-
 def test_a_model_without_a_driver_lists_its_joints(file):
     text = five_bar().replace('<motor joint="left"/><position joint="right"/>', "")
     with pytest.raises(

@@ -18,18 +18,6 @@ def two_circles(left, right, arm=0.05, rod=0.09, ground=0.1):
     return a + half + np.sqrt(rod**2 - length**2) * np.stack([-half[:, 1], half[:, 0]], 1) / length
 
 
-def test_a_mechanism_of_the_catalogue_is_driven_by_any_of_its_joints():
-    from mechsim import catalog
-
-    solver = load("slider_crank", drive={"crank": "600rpm"}, duration=0.1)
-    time = np.linspace(0.0, 0.1, 9)
-    motion = solver.solve(t=time)
-    exact = catalog.make("slider_crank").solve(20 * np.pi * time, 20 * np.pi)
-    for quantity in ("position", "velocity", "acceleration"):
-        result, expected = (getattr(item.points["B"], quantity) for item in (motion, exact))
-        np.testing.assert_allclose(result, expected, atol=1e-12 * np.abs(expected).max())
-
-
 def test_floating_bases_are_fixed_at_their_initial_pose(file):
     text = model_text("prescription_text.toml")
     solver = load(file(text), fix_base=True)

@@ -10,7 +10,6 @@ import tomllib
 from pathlib import Path
 
 import mujoco
-import numpy as np
 import pytest
 from grids import grid
 from mpmath import mp, mpf
@@ -99,22 +98,6 @@ def test_tables_have_72_rows_of_30_digits_and_valid_checksums(name):
     assert len(result) == 72
     segments = [segment for row in result for segment in row.values()]
     assert all(segment == "0" or len(re.sub(r"e.*|[-.]", "", segment)) == 30 for segment in segments)
-
-
-@pytest.mark.parametrize("name", ["four_bar", "rssr", "looper", "klann", "cardan_joint", "stewart_gough"])
-def test_velocities_and_accelerations_are_derivatives_of_positions(name):
-    # a periodic motion, sampled 72 times: its derivative by Fourier series
-    table = reference_data.read(WHERE, name)
-    order = 1j * np.fft.fftfreq(72, 1.0 / 72.0)
-    order[36] = 0.0
-    rate = 2.0 * np.pi if table.speed is None else table.speed
-    for point in table.points.values():
-        velocity, acceleration = (
-            np.fft.ifft((rate * order[:, None]) ** k * np.fft.fft(point.position, axis=0), axis=0).real
-            for k in (1, 2)
-        )
-        for result, exact in ((velocity, point.velocity), (acceleration, point.acceleration)):
-            assert np.abs(result - exact).max() <= 2e-4 * np.abs(exact).max() + 1e-12
 
 
 def test_the_spatial_slider_crank_has_its_published_initial_state():

@@ -3,7 +3,7 @@
 import mujoco
 import numpy as np
 import pytest
-from model_files import model_text
+from model_files import changed_model, copied, load_model, model_text
 from scipy.optimize import least_squares
 
 import mechsim as ms
@@ -75,25 +75,20 @@ def test_a_small_error_is_a_note():
 
 
 @pytest.mark.long
-def test_a_toml_file_moves_in_every_study(tmp_path):
-    path = tmp_path / "leg.toml"
-    path.write_text(model_text("rounded_angles_four_bar.toml", tilt=-0.00079633))
-    solver = ms.load(str(path))
+def test_a_toml_file_moves_in_every_study():
+    path = changed_model("rounded_angles_four_bar.toml", tilt=-0.00079633)
+    solver = ms.load(path)
     assert any("0.0456 deg off parallel; least gap" in fact for fact in solver.facts)
     angles = np.linspace(-0.5, 0.5, 5)
     np.testing.assert_allclose(solver.solve(angles).joints["shin"].value, angles, atol=1e-12)
     assert ms.validate(solver).passed
-    assert ms.sample(str(path), 20).residual.max() < 1e-12
-    shin = ms.joint_map(str(path), {"calf": (-0.5, 0.5)}, ["shin"], points=5)
+    assert ms.sample(path, 20).residual.max() < 1e-12
+    shin = ms.joint_map(path, {"calf": (-0.5, 0.5)}, ["shin"], points=5)
     np.testing.assert_allclose(shin.output[:, 0], shin.input[:, 0], atol=1e-9)
-    assert "0.0456 deg" in next(
-        finding.message for finding in ms.check(str(path)) if finding.severity == "warning"
-    )
-    path.write_text(model_text("rounded_angles_four_bar.toml", tilt=0.0))
-    assert ms.load(str(path)).facts == ()
-    path.write_text(model_text("rounded_angles_four_bar.toml", tilt=0.01))
+    assert "0.0456 deg" in next(item.message for item in ms.check(path) if item.severity == "warning")
+    assert load_model("rounded_angles_four_bar.toml", tilt=0.0).facts == ()
     with pytest.raises(ms.MechsimError):
-        ms.load(str(path)).solve(angles)
+        load_model("rounded_angles_four_bar.toml", tilt=0.01).solve(angles)
 
 
 # a planar four-bar whose frames are turned by 1.57 and 3.14; its loop closes with a hinge
@@ -102,10 +97,9 @@ LINK = '<link name="{}"><inertial><mass value="1"/>{}</inertial></link>'
 INERTIA = '<inertia ixx="0.001" iyy="0.001" izz="0.001" ixy="0" ixz="0" iyz="0"/>'
 
 
-def test_a_urdf_file_moves_in_both_methods(tmp_path):
-    path = tmp_path / "four.urdf"
-    path.write_text(URDF.format(links="".join(LINK.format(name, INERTIA) for name in "abc")))
-    states = ms.sample(str(path), 20)
+def test_a_urdf_file_moves_in_both_methods():
+    links = "".join(LINK.format(name, INERTIA) for name in "abc")
+    states = ms.sample(copied(URDF.format(links=links), ".urdf"), 20)
     assert states.residual.max() < 1e-12
     assert np.ptp(states.qpos[:, 0]) > 0.5
     # law of cosines in the plane: a from (0, 0), length hypot(0.1, 0.05); c from (0.3, 0), length 0.2; b 0.2
@@ -115,8 +109,8 @@ def test_a_urdf_file_moves_in_both_methods(tmp_path):
     np.testing.assert_allclose(np.hypot(end[:, 0] - 0.3, end[:, 1]), 0.2, atol=2e-4)
 
 
-def test_the_crank_of_a_toml_file_keeps_its_name(file):
-    path = file(model_text("rounded_angles_four_bar.toml", tilt=0.0))
+def test_the_crank_of_a_toml_file_keeps_its_name():
+    path = changed_model("rounded_angles_four_bar.toml", tilt=0.0)
     assert ms.closed_qpos(path, {"calf": 0.3})[0] == pytest.approx([0.3, -0.3, 0.3], abs=1e-9)
 
 

@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 import pytest
-from model_files import model_text
+from model_files import changed_model, copied, load_model, model_text
 
 from mechsim import dynamics
 from mechsim.errors import InputError
@@ -81,12 +81,10 @@ def test_without_its_own_elements_a_file_has_the_same_loops_and_joints_at_zero(t
 
 @pytest.mark.parametrize(("format", "coulomb"), [("sdf", 0.5), ("usda", 0.0)])
 def test_friction_springs_limits_and_gravity_return(format, coulomb, tmp_path):
-    path = tmp_path / "slider.toml"
     friction = f"{{ viscous = 2.0, coulomb = {coulomb} }}"
-    forces = f"\n[forces]\ngravity = [0, 0, -9.81]\nfriction.slide = {friction}\n"
+    forces = f"[forces]\ngravity = [0, 0, -9.81]\nfriction.slide = {friction}\n"
     forces += "[forces.joint_springs.crank]\nstiffness = 3.0\nrest = 0.4\n"
-    path.write_text(export("slider_crank", format="toml").text + forces)
-    exact = load(path)
+    exact = load_model("slider_crank", more=forces)
     export(exact, tmp_path / f"m.{format}", format=format)
     read = load(tmp_path / f"m.{format}")
     assert read.ranges == exact.ranges
@@ -97,35 +95,26 @@ def test_friction_springs_limits_and_gravity_return(format, coulomb, tmp_path):
     assert torques[1] == pytest.approx(torques[0], abs=1e-12)
 
 
-def test_what_sdf_does_not_have_is_stated(tmp_path):
+def test_what_sdf_does_not_have_is_stated():
     text = export("rack_steering", format="toml").text
     joint = next(joint.name for joint in load("rack_steering").mechanism.joints if joint.name != "pinion")
     text = text.replace('driver = "pinion"', f"driver = {{ pinion = 1.0, {joint} = 0.0 }}")
-    (tmp_path / "sum.toml").write_text(text.replace("pressure_angle = 0.0", ""))
     with pytest.raises(InputError, match="is not linear between two joints"):
-        export(tmp_path / "sum.toml", format="sdf")
+        export(copied(text.replace("pressure_angle = 0.0", "")), format="sdf")
     with pytest.raises(InputError, match="joint contact is on a cam, which"):
         export("cam_follower", format="sdf")
     assert "motion laws" in export("delta_robot", format="sdf").left_out
     with pytest.raises(InputError, match="--scene, --speed and settings are for MuJoCo models"):
         export("four_bar", format="sdf", speed="600rpm")
-    friction = export("slider_crank", format="toml").text + "\n[forces]\nfriction.slide = { coulomb = 2.0 }\n"
-    (tmp_path / "rough.toml").write_text(friction)
-    assert "constant friction" in export(tmp_path / "rough.toml", format="usda").left_out
+    path = changed_model("slider_crank", more="[forces]\nfriction.slide = { coulomb = 2.0 }")
+    assert "constant friction" in export(path, format="usda").left_out
 
 
 # a crank about x at the height 0.5 m, in cm and g, y up; its group is rotated and scaled
 CRANK = model_text("sdf_and_usd_crank.usda")
 
 
-@pytest.fixture
-def crank(tmp_path):
-    path = tmp_path / "crank.usda"
-    path.write_text(CRANK)
-    return path
-
-
-def test_mimics_and_binary_files_of_usd_are_read(crank):
+def test_mimics_and_binary_files_of_usd_are_read(tmp_path):
     from pxr import Usd
 
     mimic = (
@@ -133,9 +122,8 @@ def test_mimics_and_binary_files_of_usd_are_read(crank):
     )
     pin = "rel physics:body0 = </rig/group/crank/pin>"
     follower = CRANK.replace(pin, mimic + pin).replace('"PhysicsLimitAPI:rotY"]', '"NewtonMimicAPI"]')
-    crank.write_text(follower)
-    binary = crank.with_suffix(".usdc")
-    stage = Usd.Stage.Open(str(crank))
+    binary = tmp_path / "crank.usdc"
+    stage = Usd.Stage.Open(copied(follower, ".usda"))
     stage.GetRootLayer().Export(str(binary))
     moved = load(binary, drive={"shaft": "0.1*t"}, duration=1.0).solve(t=[0.0, 1.0])
     assert moved.joints["wrist"].value == pytest.approx([np.pi / 2, np.pi / 2 - 0.2], abs=1e-12)
@@ -145,7 +133,6 @@ def test_a_body_without_joints_floats_and_a_link_may_be_called_physics(tmp_path)
     text = 'name = "top"\n[links.physics]\n'
     text += "inertia = { mass = 2.0, centre = [0, 0, 0], moments = [1.0, 1.0, 1.0] }\n"
     text += '[joints.free]\nkind = "floating"\na = { link = "ground" }\nb = { link = "physics" }\n'
-    (tmp_path / "top.toml").write_text(text)
-    export(tmp_path / "top.toml", tmp_path / "top.usda", format="usda")
+    export(copied(text), tmp_path / "top.usda", format="usda")
     (joint,) = load(tmp_path / "top.usda", still=True).mechanism.joints
     assert (joint.kind, joint.links) == ("floating", ("ground", "physics"))

@@ -1,25 +1,15 @@
 """Slides with different axes in the frames of their links: both methods start in one assembly mode."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
-from model_files import model_text
+from model_files import FOLDER
 
 import mechsim as ms
 
-TEXT = model_text("slides_without_references.toml")
-
-
-def written(folder: Path, mark_a: str = "", mark_b: str = "") -> str:
-    path = folder / "inclined.toml"
-    path.write_text(TEXT.replace("MARK_A", mark_a).replace("MARK_B", mark_b))
-    return str(path)
-
 
 @pytest.mark.parametrize("tilt", [0.7, -2.2])
-def test_the_orientation_of_an_inclined_slider_agrees_in_both_methods(tmp_path: Path, tilt: float) -> None:
-    solver = ms.load(written(tmp_path), set={"tilt": tilt})
+def test_the_orientation_of_an_inclined_slider_agrees_in_both_methods(tilt: float) -> None:
+    solver = ms.load(FOLDER / "slides_without_references.toml", set={"tilt": tilt})
     run = ms.simulate(solver, method="pose", speed=1.0)
     exact = solver.solve(run.motion.angle)
     for motion in (run.motion, exact):

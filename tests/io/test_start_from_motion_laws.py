@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from model_files import copied
 
 import mechsim as ms
 
@@ -25,21 +26,15 @@ def platform(law, more=""):
     return "\n".join([*lines, "[points]", 'C = { link = "plate" }', ""])
 
 
-@pytest.fixture
-def load(tmp_path):
-    def loaded(*arguments, **options):
-        path = tmp_path / "rps.toml"
-        path.write_text(platform(*arguments))
-        return ms.load(path, **options)
-
-    return loaded
+def load(*arguments):
+    return ms.load(copied(platform(*arguments)))
 
 
 def lengths(motion):
     return np.stack([motion.joints[name].value for name in DRIVERS])
 
 
-def test_motion_laws_determine_the_start_of_a_platform(load):
+def test_motion_laws_determine_the_start_of_a_platform():
     solver = load("0.3 + 0.02*sin(2*pi*t)")
     times = np.array([0.0, 0.25, 0.6])
     expected = np.broadcast_to(0.3 + 0.02 * np.sin(2.0 * np.pi * times), (3, 3))
@@ -48,13 +43,13 @@ def test_motion_laws_determine_the_start_of_a_platform(load):
     assert ms.crosscheck(run, solver).passed
 
 
-def test_an_explicit_start_has_priority_over_motion_laws(load):
+def test_an_explicit_start_has_priority_over_motion_laws():
     solver = load("20mm/s", "start = { l1 = 0.3, l2 = 0.3, l3 = 0.3 }")
     np.testing.assert_allclose(lengths(solver.solve(t=[0.0, 1.0]))[:, 1], 0.32, atol=1e-13)
 
 
 @pytest.mark.long
-def test_a_relative_motion_law_starts_where_the_legs_reach_the_plate(load):
+def test_a_relative_motion_law_starts_where_the_legs_reach_the_plate():
     solver = load("20mm/s")
     start = lengths(solver.solve(t=[0.0, 0.5]))
     # legs of length 0 do not reach from the base to the smaller plate

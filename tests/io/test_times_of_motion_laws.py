@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from model_files import model_text
+from model_files import FOLDER
 
 import mechsim as ms
 from mechsim.kinematics.solvers import KinematicSolver
@@ -67,12 +67,9 @@ def test_a_run_with_a_motion_law_is_compared_at_its_crank_angles(swinging):
     assert not ms.crosscheck(run, wrong).passed
 
 
-# a boom lifted by a ram; its size, by which motion laws of slides are normalised, goes with `arm`
-BOOM = model_text("times_of_motion_laws_boom.toml")
-
-
-def test_sweeps_measure_designs_at_times_of_motion_laws(tmp_path, file):
-    path = file(BOOM)
+def test_sweeps_measure_designs_at_times_of_motion_laws(tmp_path):
+    # a boom lifted by a ram; its size, by which motion laws of slides are normalised, goes with `arm`
+    path = FOLDER / "times_of_motion_laws_boom.toml"
     function = f"{tmp_path / 'fastest.py'}:fastest"
     (tmp_path / "fastest.py").write_text(
         "def fastest(motion):\n    return motion.points['tip'].velocity[:, 0].max()\n"

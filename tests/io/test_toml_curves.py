@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from model_files import FOLDER, model_text
+from model_files import FOLDER, load_model
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 from scipy.optimize import fsolve
@@ -13,20 +13,16 @@ from mechsim.kinetics import dynamic_model, prescribed
 from mechsim.simulation.dynamics.forward_run import stepped_run
 
 # a slider block on the ellipse (0.3 + 0.05 cos s, 0.2 sin s), whose rod is driven by a crank or by s
-
-
-def load(folder, curve="ellipse"):
-    path = folder / "rail.toml"
-    path.write_text(model_text("toml_curves_model.toml", curve=curve))
-    return ms.load(str(path))
+RAIL, BEAD = "toml_curves_model.toml", "toml_curves_bead.toml"
+TIMES = np.linspace(0.0, 1.0, 41)
 
 
 @pytest.mark.long
-def test_a_point_follows_its_curve_with_a_force_normal_to_it(tmp_path):
-    model, times = load(tmp_path), np.linspace(0.0, 1.0, 41)
-    point = model.solve(t=times).points["P"]
-    w, s = 2 * np.pi, 0.5 + 0.3 * np.sin(2 * np.pi * times)
-    v, a = 0.3 * w * np.cos(w * times), -0.3 * w**2 * np.sin(w * times)
+def test_a_point_follows_its_curve_with_a_force_normal_to_it():
+    model = load_model(RAIL, curve="ellipse")
+    point = model.solve(t=TIMES).points["P"]
+    w, s = 2 * np.pi, 0.5 + 0.3 * np.sin(2 * np.pi * TIMES)
+    v, a = 0.3 * w * np.cos(w * TIMES), -0.3 * w**2 * np.sin(w * TIMES)
     zero = np.zeros(41)
     first, second = (
         np.stack([-0.05 * np.sin(s), 0.2 * np.cos(s), zero], 1),
@@ -36,7 +32,7 @@ def test_a_point_follows_its_curve_with_a_force_normal_to_it(tmp_path):
     assert np.abs(point.position - exact).max() < 1e-14
     assert np.abs(point.velocity - first * v[:, None]).max() < 1e-12
     assert np.abs(point.acceleration - first * a[:, None] - second * v[:, None] ** 2).max() < 1e-11
-    result = prescribed(dynamic_model(model), t=times)
+    result = prescribed(dynamic_model(model), t=TIMES)
     force = result.forces.reactions["rail.point"].force
     # the drive of s does the work of the tangential force
     driving = result.forces.drives["rail"]
@@ -46,16 +42,11 @@ def test_a_point_follows_its_curve_with_a_force_normal_to_it(tmp_path):
 
 @pytest.mark.long
 @pytest.mark.parametrize("side", ["outside", "inside"])
-def test_the_centre_of_a_roller_follows_the_offset_curve(tmp_path, side):
+def test_the_centre_of_a_roller_follows_the_offset_curve(side):
     roller = f'kind = "curve"\nroller = "6 mm"\nside = "{side}"'
-    text = (
-        model_text("toml_curves_model.toml", curve="ellipse")
-        .replace('kind = "curve"', roller)
-        .replace('y = "', 'closed = true\ny = "')
-    )
-    (tmp_path / "rail.toml").write_text(text)
-    model, times = ms.load(str(tmp_path / "rail.toml")), np.linspace(0.0, 1.0, 41)
-    point = model.solve(t=times).points["P"]
+    closed = ('y = "', 'closed = true\ny = "')
+    model = load_model(RAIL, ('kind = "curve"', roller), closed, curve="ellipse")
+    point = model.solve(t=TIMES).points["P"]
 
     def centre(t):
         s = 0.5 + 0.3 * np.sin(2 * np.pi * t)
@@ -64,8 +55,8 @@ def test_the_centre_of_a_roller_follows_the_offset_curve(tmp_path, side):
         along = np.sqrt((normal**2).sum(0))
         return np.stack([0.3 + 0.05 * np.cos(s), 0.2 * np.sin(s)]) + distance * normal / along
 
-    assert np.abs(point.position[:, :2].T - centre(times)).max() < 1e-14
-    velocity = centre(times + 1e-30j).imag / 1e-30
+    assert np.abs(point.position[:, :2].T - centre(TIMES)).max() < 1e-14
+    velocity = centre(TIMES + 1e-30j).imag / 1e-30
     assert np.abs(point.velocity[:, :2].T - velocity).max() < 1e-12
     if side == "outside":
         assert ms.validate(model).passed
@@ -77,35 +68,22 @@ def test_a_point_follows_a_periodic_spline_through_a_table(tmp_path):
     points[-1] = points[0]
     table = "\n".join(",".join(f"{entry:.17g}" for entry in row) for row in np.column_stack([s, points]))
     (tmp_path / "rail.csv").write_text(f"s,x,y\n{table}\n")
-    text = model_text("toml_curves_model.toml", curve="ellipse").replace(
-        'x = "0.3 + 0.05*cos(s)"\ny = "0.2*sin(s)"', CLOSED_TABLE
-    )
-    (tmp_path / "rail.toml").write_text(text)
-    model, times = ms.load(str(tmp_path / "rail.toml")), np.linspace(0.0, 1.0, 41)
+    table = f'table = "{tmp_path / "rail.csv"}"\nclosed = true'
+    model = load_model(RAIL, ('x = "0.3 + 0.05*cos(s)"\ny = "0.2*sin(s)"', table), curve="ellipse")
     spline = CubicSpline(s, points, bc_type="periodic")
-    value, rate = 0.5 + 0.3 * np.sin(2 * np.pi * times), 0.6 * np.pi * np.cos(2 * np.pi * times)
-    point = model.solve(t=times).points["P"]
+    value, rate = 0.5 + 0.3 * np.sin(2 * np.pi * TIMES), 0.6 * np.pi * np.cos(2 * np.pi * TIMES)
+    point = model.solve(t=TIMES).points["P"]
     assert np.abs(point.position[:, :2] - spline(value)).max() < 1e-14
     assert np.abs(point.velocity[:, :2] - spline(value, 1) * rate[:, None]).max() < 1e-12
 
 
-CLOSED_TABLE = 'table = "rail.csv"\nclosed = true'
-
-
-STRUCTURE = model_text("toml_curves_structure.toml")
-
-
 @pytest.mark.long
-def test_a_structure_finds_where_its_arm_meets_the_curve(tmp_path):
-    (tmp_path / "structure.toml").write_text(STRUCTURE)
-    _, values = start_poses(ms.load(str(tmp_path / "structure.toml"), still=True).mechanism)
-    s = values["rail"]
-    point = np.array([0.3 + 0.05 * np.cos(s), 0.2 * np.sin(s)])
-    assert abs(np.hypot(*point) - 0.3) < 1e-13
-    assert pytest.approx((0.3 + 0.05 * np.cos(s)) ** 2 + 0.04 * np.sin(s) ** 2, rel=1e-12) == 0.09
+def test_a_structure_finds_where_its_arm_meets_the_curve():
+    s = start_poses(load_model("toml_curves_structure.toml", still=True).mechanism)[1]["rail"]
+    assert abs(np.hypot(0.3 + 0.05 * np.cos(s), 0.2 * np.sin(s)) - 0.3) < 1e-13
 
 
-BEAD = model_text("toml_curves_bead.toml")
+EXACTLY = {"method": "DOP853", "rtol": 1e-13, "atol": 1e-13}
 
 
 def bead_falls(_, state):
@@ -117,14 +95,10 @@ def bead_falls(_, state):
 
 
 @pytest.mark.long
-def test_a_bead_slides_along_a_spatial_wire_as_an_independent_integration(tmp_path):
-    (tmp_path / "bead.toml").write_text(BEAD)
-    model = ms.load(str(tmp_path / "bead.toml"), still=True)
+def test_a_bead_slides_along_a_spatial_wire_as_an_independent_integration():
+    model = load_model(BEAD, still=True)
     run = ms.dynamics.run(model, initial={"rail.q": 0.3}, duration=1.0, samples=10)
-
-    exact = solve_ivp(
-        bead_falls, (0, 1), [0.3, 0.0], method="DOP853", rtol=1e-13, atol=1e-13, t_eval=run.time
-    )
+    exact = solve_ivp(bead_falls, (0, 1), [0.3, 0.0], t_eval=run.time, **EXACTLY)
     assert np.abs(run.motion.joints["rail"].value - exact.y[0]).max() < 1e-11
     assert run.energy_error < 1e-11
     # constraints that yielded by the inverse of negligible masses gave 3e-2 in MuJoCo
@@ -135,25 +109,21 @@ def test_a_bead_slides_along_a_spatial_wire_as_an_independent_integration(tmp_pa
 
 
 @pytest.mark.long
-def test_a_bead_bounces_at_the_end_of_its_wire_as_an_independent_integration(tmp_path):
-    wire = BEAD.replace("[curves.wire]\n", "[curves.wire]\nrange = [-0.4, 0.9]\n")
-    (tmp_path / "bead.toml").write_text(
-        wire + 'limits = { lower = "-0.4 m", upper = 0.9, restitution = 0.6 }\n'
-    )
+def test_a_bead_bounces_at_the_end_of_its_wire_as_an_independent_integration():
+    ranged = ("[curves.wire]\n", "[curves.wire]\nrange = [-0.4, 0.9]\n")
     end = lambda _, state: state[0] + 0.4  # noqa: E731
     end.terminal, end.direction = True, -1
-    options = {"method": "DOP853", "rtol": 1e-13, "atol": 1e-13}
-    before = solve_ivp(bead_falls, (0, 1), [0.3, 0.0], events=end, **options)
+    before = solve_ivp(bead_falls, (0, 1), [0.3, 0.0], events=end, **EXACTLY)
     impact = before.t_events[0][0]
     last = impact + 0.03
-    after = solve_ivp(bead_falls, (impact, last), [-0.4, -0.6 * before.y_events[0][0, 1]], **options)
-    model = ms.load(str(tmp_path / "bead.toml"), still=True)
+    after = solve_ivp(bead_falls, (impact, last), [-0.4, -0.6 * before.y_events[0][0, 1]], **EXACTLY)
+    limits = 'limits = { lower = "-0.4 m", upper = 0.9, restitution = 0.6 }'
+    model = load_model(BEAD, ranged, more=limits, still=True)
     run = ms.dynamics.run(model, initial={"rail.q": 0.3}, duration=last, samples=10)
     assert run.events == pytest.approx([impact], abs=1e-11)
     assert run.motion.joints["rail"].value[-1] == pytest.approx(after.y[0, -1], abs=1e-10)
     # without limits of its own, the point stops at the ends of the curve
-    (tmp_path / "bead.toml").write_text(wire)
-    assert ms.load(str(tmp_path / "bead.toml"), still=True).ranges == {"rail": (-0.4, 0.9)}
+    assert load_model(BEAD, ranged, still=True).ranges == {"rail": (-0.4, 0.9)}
 
 
 @pytest.mark.long

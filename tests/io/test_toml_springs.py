@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from model_files import model_text
+from model_files import changed_model, copied, load_model
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
@@ -15,35 +15,24 @@ from mechsim.studies.dynamics_check import crosscheck_driven, crosscheck_equilib
 
 G = 9.81
 # a mass above the ground on a strut, the spring
-# a double pendulum with a torsion spring in its elbow and a spring from its tip to the ground
-ARM = model_text("toml_springs_arm.toml")
 
 
-def loaded(tmp_path, text, name="model.toml", **options):
-    (tmp_path / name).write_text(text)
-    return ms.load(str(tmp_path / name), still=not options, **options)
-
-
-def strut(tmp_path, spring, units=""):
-    return loaded(tmp_path, model_text("toml_springs_strut.toml", spring=spring, units=units))
+def strut(spring, units=""):
+    return load_model("toml_springs_strut.toml", spring=spring, units=units, still=True)
 
 
 def height_of(tension, end):
     """Return the strut's height and rate at the end, by scipy."""
-    solved = solve_ivp(
-        lambda t, y: [y[1], -G - tension(*y) / 2.0],
-        (0.0, end),
-        [0.4, -1.0],
-        "DOP853",
-        rtol=1e-13,
-        atol=1e-14,
-    )
-    return solved.y[:, -1]
+
+    def falls(_, y):
+        return [y[1], -G - tension(*y) / 2.0]
+
+    return solve_ivp(falls, (0.0, end), [0.4, -1.0], "DOP853", rtol=1e-13, atol=1e-14).y[:, -1]
 
 
 @pytest.mark.long
-def test_a_gas_spring_with_a_quadratic_damper(tmp_path):
-    solver = strut(tmp_path, 'force = "-100 N*(0.4/l)**1.3 + 20*v*abs(v)"')
+def test_a_gas_spring_with_a_quadratic_damper():
+    solver = strut('force = "-100 N*(0.4/l)**1.3 + 20*v*abs(v)"')
     run = ms.dynamics.run(solver, duration="1s", samples=50)
     exact = height_of(lambda x, v: -100.0 * (0.4 / x) ** 1.3 + 20.0 * v * abs(v), 1.0)
     joint = run.motion.joints["height"]
@@ -56,11 +45,9 @@ def test_a_gas_spring_with_a_quadratic_damper(tmp_path):
     assert crosscheck_equilibrium(rest, dynamic_model(solver)).passed
 
 
-def test_lengths_in_an_expression_are_in_the_unit_of_the_file(tmp_path):
-    si = strut(tmp_path, 'force = "-100 N*(0.4/l)**1.3 + 20*v"')
-    mm = strut(
-        tmp_path, 'force = "-100 N*(gap/l)**1.3 + 0.02*v"', 'units.length = "mm"\nparameters.gap = 400'
-    )
+def test_lengths_in_an_expression_are_in_the_unit_of_the_file():
+    si = strut('force = "-100 N*(0.4/l)**1.3 + 20*v"')
+    mm = strut('force = "-100 N*(gap/l)**1.3 + 0.02*v"', 'units.length = "mm"\nparameters.gap = 400')
     heights = [ms.dynamics.run(x, duration="0.5s").motion.joints["height"].value[-1] for x in (si, mm)]
     assert abs(heights[0] - heights[1]) < 1e-12
 
@@ -71,15 +58,15 @@ def test_a_table_over_the_length_and_one_over_the_rate(tmp_path):
     forces, damping = 400.0 * (lengths - 0.4) - 9e3 * (0.4 - lengths) ** 3, 8.0 * np.tanh(2.0 * rates) + rates
     np.savetxt(tmp_path / "gas.csv", np.c_[lengths, forces], delimiter=",", header="l,force", comments="")
     np.savetxt(tmp_path / "oil.csv", np.c_[rates, damping], delimiter=",", header="v,force", comments="")
-    oil = '[forces.springs.oil]\njoint = "height"\nforce = "oil.csv"'
-    solver = strut(tmp_path, f'force = "gas.csv"\npreload = "-5 N"\n{oil}')
+    oil = f'[forces.springs.oil]\njoint = "height"\nforce = "{tmp_path / "oil.csv"}"'
+    solver = strut(f'force = "{tmp_path / "gas.csv"}"\npreload = "-5 N"\n{oil}')
     run = ms.dynamics.run(solver, duration="1s", samples=50)
     gas, oil_force = (CubicSpline(x, y, bc_type="natural") for x, y in ((lengths, forces), (rates, damping)))
     exact = height_of(lambda x, v: gas(x) + oil_force(v) - 5.0, 1.0)
     assert abs(run.motion.joints["height"].value[-1] - exact[0]) < 1e-8
     assert run.energy_error < 1e-10
     assert run.lost[-1] > 0.5
-    again = loaded(tmp_path, to_toml(solver), "again.toml")
+    again = ms.load(copied(to_toml(solver)), still=True)
     assert again.forces.nonlinear_springs == solver.forces.nonlinear_springs
 
 
@@ -88,7 +75,7 @@ def test_a_motion_beyond_its_table_ends(tmp_path):
     np.savetxt(
         tmp_path / "f.csv", np.c_[lengths, 0.0 * lengths], delimiter=",", header="l,force", comments=""
     )
-    solver = strut(tmp_path, 'force = "f.csv"')
+    solver = strut(spring := f'force = "{tmp_path / "f.csv"}"')
     run = ms.dynamics.run(solver, duration="1s")
     # free fall from 0.4 m at 1 m/s
     end = (np.sqrt(1.0 + 2.0 * G * 0.05) - 1.0) / G
@@ -96,18 +83,10 @@ def test_a_motion_beyond_its_table_ends(tmp_path):
     assert "l leaves its range from 0.35 to 0.6 in table" in run.reason
     assert abs(run.time[-1] - end) < 1e-9
     assert np.isfinite(run.potential).all()
+    path = changed_model("toml_springs_strut.toml", spring=spring, units="")
+    moved = ms.load(path, drive={"height": "0.1*t + 0.55"}, duration="1s")
     with pytest.raises(ms.InputError, match=r"l leaves its range from 0\.35 to 0\.6"):
-        ms.dynamics.prescribed(
-            dynamic_model(
-                loaded(
-                    tmp_path,
-                    (tmp_path / "model.toml").read_text(),
-                    drive={"height": "0.1*t + 0.55"},
-                    duration="1s",
-                )
-            ),
-            t=[0.0, 1.0],
-        )
+        ms.dynamics.prescribed(dynamic_model(moved), t=[0.0, 1.0])
 
 
 def arm_rates(t, y):
@@ -136,9 +115,12 @@ def arm_rates(t, y):
 
 
 @pytest.mark.long
-def test_a_double_pendulum_with_two_springs(tmp_path):
-    """The run against scipy, then against MuJoCo; its equilibrium has no generalised force."""
-    solver = loaded(tmp_path, ARM)
+def test_a_double_pendulum_with_two_springs():
+    """The run against scipy, then against MuJoCo; its equilibrium has no generalised force.
+
+    A torsion spring is in its elbow, and a spring leads from its tip to the ground.
+    """
+    solver = load_model("toml_springs_arm.toml", still=True)
     run = ms.dynamics.run(solver, duration="0.5s", samples=20)
     start = [np.radians(-60.0), 0.0, 0.0, 2.0]
     exact = solve_ivp(arm_rates, (0.0, 0.5), start, "DOP853", rtol=1e-13, atol=1e-14).y[:, -1]
@@ -153,14 +135,13 @@ def test_a_double_pendulum_with_two_springs(tmp_path):
     assert crosscheck_equilibrium(rest, model).passed
 
 
-def test_inverse_dynamics_of_a_loop_with_springs(tmp_path):
+def test_inverse_dynamics_of_a_loop_with_springs():
     """Both methods agree with springs between two links, in a joint of the tree and in one that is cut."""
-    four_bar = model_text("toml_springs_four_bar.toml")
     joints = "".join(
         f'[forces.springs.{name}]\njoint = "{name}"\nstiffness = {k}\nforce = "0.3*v*abs(v)"\n'
         for name, k in (("A", 2.0), ("B", 3.0), ("C", 4.0))
     )
-    solver = loaded(tmp_path, four_bar + joints)
+    solver = load_model("toml_springs_four_bar.toml", more=joints, still=True)
     model = dynamic_model(solver)
     run = simulate_driven(solver, speed=8.0, samples=24)
     assert crosscheck_driven(run, model).passed

@@ -1,11 +1,10 @@
 """Tables of laws, functions, loads and poses may state units in their headers, as `q [deg]`."""
 
 import numpy as np
-import pytest
 from model_files import model_text
 
 import mechsim as ms
-from mechsim import files, units
+from mechsim import files
 
 ANGLES = np.linspace(0.0, 2.0 * np.pi, 37)
 IN_SI = {"q": ANGLES, "value": 0.004 * np.sin(0.5 * ANGLES) ** 2}
@@ -38,21 +37,3 @@ def test_a_motion_law_in_milliseconds_and_degrees_passes_through_its_rows(tmp_pa
     law = str(tmp_path / "law.csv")
     motion = ms.load("four_bar", drive={"crank": law}).solve(t=time)
     assert np.abs(motion.joints["crank"].value - angle).max() < 1e-14
-
-
-@pytest.mark.parametrize(
-    ("header", "words"),
-    [
-        ("t [mm]", r"column 't \[mm\]', whose unit does not suit; write it as \[s\]"),
-        ("angle [s]", r"column 'angle \[s\]', whose unit does not suit; write it as \[deg\]"),
-        ("P.x [inchworm]", r"write it as \[mm\] or \[deg\]"),
-    ],
-)
-def test_a_unit_that_does_not_suit_its_column_is_rejected(header, words):
-    with pytest.raises(ms.InputError, match=words):
-        units.table_in_si({header: [1.0]}, "law.csv")
-
-
-def test_a_column_that_is_stated_twice_is_rejected():
-    with pytest.raises(ms.InputError, match="column 'q' twice"):
-        units.table_in_si({"q [deg]": [1.0], "q": [1.0]}, "law.csv")

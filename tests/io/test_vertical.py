@@ -1,30 +1,21 @@
 """The vertical of pictures: opposite to gravity, or as the file states."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
-from model_files import model_text
+from model_files import FOLDER, load_model
 
-from mechsim.io.readers import load
 from mechsim.mechanism.mechanism import against
 from mechsim.pictures.view.offline_page import page
 from mechsim.report.views import mechanism_view
 from mechsim.shapes import camera
 
 # a crank about the vertical z axis with an arm that stays outside the plane of its tip
-ARM = model_text("vertical_arm.toml")
-SCENE = model_text("vertical_scene.xml")
+ARM = FOLDER / "vertical_arm.toml"
 
 
-def loaded(tmp_path: Path, text: str, name: str = "arm.toml"):
-    path = tmp_path / name
-    path.write_text(text)
-    return load(str(path))
-
-
-def test_a_mechanism_with_gravity_along_z_is_drawn_upright(tmp_path):
-    mechanism = loaded(tmp_path, ARM + "[forces]\ngravity = [0, 0, -9.81]").mechanism
+def test_a_mechanism_with_gravity_along_z_is_drawn_upright():
+    mechanism = load_model(ARM.name, more="[forces]\ngravity = [0, 0, -9.81]").mechanism
     for preset in ("iso", "side"):
         _, up = camera.directions(mechanism, preset)
         assert up[2] > 0.7, preset
@@ -32,12 +23,11 @@ def test_a_mechanism_with_gravity_along_z_is_drawn_upright(tmp_path):
 
 @pytest.mark.slow
 def test_pages_and_pictures_accept_another_vertical(tmp_path, mechsim):
-    solver = loaded(tmp_path, ARM)
-    view = mechanism_view(solver, 1.0)
+    view = mechanism_view(load_model(ARM.name), 1.0)
     assert page(view) != page(replace(view, up="z"))
     paths = [tmp_path / "y.png", tmp_path / "z.png"]
     for path in paths:
-        words = ["render", str(tmp_path / "arm.toml"), "-o", str(path), "--up", path.stem, "--size", "64x48"]
+        words = ["render", str(ARM), "-o", str(path), "--up", path.stem, "--size", "64x48"]
         assert mechsim(*words).code == 0
     assert paths[0].read_bytes() != paths[1].read_bytes()
     for command, target in (("render", tmp_path / "no.png"), ("view", tmp_path / "no.html")):

@@ -3,7 +3,7 @@
 import mujoco
 import numpy as np
 import pytest
-from model_files import model_text
+from model_files import changed_model, copied, model_text
 
 import mechsim as ms
 
@@ -11,14 +11,10 @@ FORCES = model_text("written_forces.toml")
 LIMITS = "limits = { lower = -0.9, upper = 0.8 }"
 
 
-@pytest.fixture
-def written(tmp_path):
-    text = ms.export("slider_crank", format="toml").text
-    point = next(iter(ms.load("slider_crank").mechanism.points))
-    text = text.replace("[joints.slide]", f"[joints.slide]\n{LIMITS}")
-    path = tmp_path / "model.toml"
-    path.write_text(text + FORCES.replace('"P"', f'"{point}"'))
-    return path
+@pytest.fixture(scope="module")
+def written():
+    limited = ("[joints.slide]", f"[joints.slide]\n{LIMITS}")
+    return changed_model("slider_crank", limited, more=FORCES.replace('"P"', '"A"'))
 
 
 @pytest.mark.parametrize(
@@ -76,23 +72,21 @@ def test_mujoco_reads_damping_and_friction_of_a_serial_twin(written):
     assert slide.range.tolist() == [-0.9, 0.8]
 
 
-def test_friction_and_limits_of_joints_with_several_axes_are_named(tmp_path):
+def test_friction_and_limits_of_joints_with_several_axes_are_named():
     text = 'name = "tube"\n[links.rod]\n'
     text += "inertia = { mass = 2.0, centre = [0, 0, 0], moments = [1.0, 1.0, 1.0] }\n"
     text += '[joints.j]\nkind = "cylindrical"\na = { link = "ground" }\nb = { link = "rod" }\n'
     text += "limits = { way = { lower = -1.0, upper = 1.0 } }\n[forces]\nfriction.j = { viscous = 2.0 }\n"
-    (tmp_path / "tube.toml").write_text(text)
     for format in ("sdf", "usda"):
-        named = ms.export(tmp_path / "tube.toml", format=format).left_out
+        named = ms.export(copied(text), format=format).left_out
         assert named.endswith("has no place for it: friction about several axes, limits of j.way")
 
 
-def test_constant_friction_that_mujoco_does_not_have_is_named(tmp_path):
-    text = ms.export("rssr", format="toml").text
-    text += "\n[forces]\nfriction.P2 = { coulomb = 0.1 }\nfriction.rocker = { coulomb = 0.1 }\n"
-    (tmp_path / "rssr.toml").write_text(text)
+def test_constant_friction_that_mujoco_does_not_have_is_named():
+    friction = "[forces]\nfriction.P2 = { coulomb = 0.1 }\nfriction.rocker = { coulomb = 0.1 }"
+    path = changed_model("rssr", more=friction)
     for options in ({"style": "menagerie"}, {"scene": "dynamics"}):
-        result = ms.export(tmp_path / "rssr.toml", **options)
+        result = ms.export(path, **options)
         assert result.left_out == "left out, because MJCF has no place for it: constant friction in P2"
         model = mujoco.MjModel.from_xml_string(result.text)
         assert np.count_nonzero(model.dof_frictionloss) == 1

@@ -48,9 +48,9 @@ def test_published_layouts_have_the_published_swings(name):
 )
 def test_a_guided_coupler_keeps_its_angles_to_pin_and_rod(linkage, psi1, psi2, beta1, beta2, guide_branch):
     guide = {"psi1": psi1, "psi2": psi2, "beta1": beta1, "beta2": beta2, "guide_branch": guide_branch}
-    linkage = linkage.with_parameters(guide=True, **guide)
     angles = angles_of(linkage, count=4, lowest_transmission=0.1)
     try:
+        linkage = linkage.with_parameters(guide=True, **guide)
         motion = linkage.solve(angles, 7.0, -3.0)
     except AssemblyError as error:
         assert "the orientation of link 'coupler' is undetermined" in str(error)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from model_files import model_text
+from model_files import copied, model_text
 
 import mechsim as ms
 from mechsim.mechanism.belts import belts_of
@@ -11,15 +11,14 @@ from mechsim.shapes.joints import link_shapes
 DISTANCE, SMALL, LARGE = np.hypot(0.3, 0.1), 0.05, 0.12
 
 
-def belt(folder, more="", side=1):
-    (folder / "belts.toml").write_text(model_text("belts_belt.toml", more=more, side=side))
-    model = ms.load(str(folder / "belts.toml"))
+def belt(text="", side=1):
+    model = ms.load(copied(model_text("belts_belt.toml", more=text, side=side)))
     (path,) = belts_of(model.mechanism)
     return model, path
 
 
-def test_an_open_belt_has_the_length_and_wrap_angles_of_the_textbook(tmp_path):
-    model, path = belt(tmp_path)
+def test_an_open_belt_has_the_length_and_wrap_angles_of_the_textbook():
+    model, path = belt()
     half = np.arcsin((LARGE - SMALL) / DISTANCE)
     wraps = np.pi - 2 * half, np.pi + 2 * half
     length = 2 * np.sqrt(DISTANCE**2 - (LARGE - SMALL) ** 2) + SMALL * wraps[0] + LARGE * wraps[1]
@@ -29,18 +28,18 @@ def test_an_open_belt_has_the_length_and_wrap_angles_of_the_textbook(tmp_path):
     assert np.abs(model.solve(angle).joints["fan"].value - angle * SMALL / LARGE).max() < 1e-14
 
 
-@pytest.mark.parametrize(("more", "side"), [("crossed = true", 1), ("", -1)])
-def test_a_crossed_belt_reverses_the_rotation(tmp_path, more, side):
-    _, path = belt(tmp_path, more, side)
+@pytest.mark.parametrize(("text", "side"), [("crossed = true", 1), ("", -1)])
+def test_a_crossed_belt_reverses_the_rotation(text, side):
+    _, path = belt(text, side)
     wrap = np.pi + 2 * np.arcsin((LARGE + SMALL) / DISTANCE)
     assert np.abs(path.wraps - wrap).max() < 1e-15
     assert abs(path.length - 2 * np.sqrt(DISTANCE**2 - (LARGE + SMALL) ** 2) - (LARGE + SMALL) * wrap) < 1e-15
 
 
 @pytest.mark.parametrize("centre", [(0.15, -0.02), (0.1, 0.14), (0.2, -0.05)])
-def test_a_tensioner_presses_on_the_nearer_strand(tmp_path, centre):
+def test_a_tensioner_presses_on_the_nearer_strand(centre):
     tensioner = f"tensioner = {{ at = [{centre[0]}, {centre[1]}, 0], radius = 0.03 }}"
-    _, path = belt(tmp_path, tensioner)
+    _, path = belt(tensioner)
     along = path.tangents[:, 1] - path.tangents[:, 0]
     for i, middle in enumerate(path.centres):
         # the strands before and after touch the pulley
@@ -51,11 +50,11 @@ def test_a_tensioner_presses_on_the_nearer_strand(tmp_path, centre):
     steps = np.diff(np.vstack([polygon, polygon[:1]]), axis=0)
     # chords of 1e-4 rad are shorter than their arcs by 4e-10
     assert abs(np.linalg.norm(steps, axis=1).sum() - path.length) < 1e-9
-    assert path.length > belt(tmp_path)[1].length
+    assert path.length > belt()[1].length
 
 
-def test_a_belt_is_drawn_around_its_pulleys(tmp_path):
-    model, path = belt(tmp_path, "crossed = true")
+def test_a_belt_is_drawn_around_its_pulleys():
+    model, path = belt("crossed = true")
     strands = [shape for shape in link_shapes(model.mechanism)["ground"] if shape.kind == "capsule"]
     length = sum(np.linalg.norm(np.subtract(shape.to, shape.frm)) for shape in strands)
     assert length == pytest.approx(path.length, rel=2e-3)

@@ -38,9 +38,3 @@ def test_values_and_derivatives_agree_with_the_formula(text, formula):
         by_differences = (ahead - behind) / (2 * step)
         np.testing.assert_allclose(derivatives[name], by_differences, rtol=1e-7, atol=1e-8)
         assert np.abs(derivatives[name] - 1.001 * by_differences).max() > 1e-6
-
-
-def test_an_expression_accepts_scalars():
-    value, derivatives = compiled("angle**2 + t", NAMES).derivatives({"angle": 3.0, "t": 0.5})
-    assert value == 9.5
-    assert derivatives == {"angle": 6.0, "t": 1.0}

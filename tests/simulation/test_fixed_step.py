@@ -35,10 +35,6 @@ def test_a_motion_law_run_uses_the_requested_time_step(swung):
     np.testing.assert_allclose(crank, 0.3 * np.sin(2.0 * np.pi * run.motion.time), atol=1.01 * lag)
 
 
-def test_a_run_with_several_drivers_uses_the_requested_time_step():
-    assert run_with_step(ms.load("five_bar"), 0.0025).steps == 400
-
-
 @pytest.mark.parametrize(("speed", "steps"), [(SPEED, 50), (1.01 * SPEED, 49)])
 def test_a_crank_run_uses_a_time_step_that_need_not_divide_the_turn(speed, steps):
     run = run_with_step(ms.catalog.make("rssr"), 0.002, speed=speed)

@@ -49,12 +49,6 @@ def test_every_link_is_in_the_tree_once_after_its_parent(mechanism: ms.Mechanism
     assert len(tree.cuts) == len(mechanism.joints) - len(mechanism.links)
 
 
-def test_a_requested_cut_is_made() -> None:
-    mechanism = ms.catalog.make("four_bar").mechanism
-    for name in ("A", "B", "rocker"):
-        assert [joint.name for joint in cut_loops(mechanism, (name,)).cuts] == [name]
-
-
 @pytest.mark.parametrize(
     ("cut", "sentence"),
     [

@@ -4,7 +4,6 @@ from model_files import model_text
 
 from mechsim.simulation.mjcf.edited_text import (
     EditedText,
-    elements_of,
     put_comment,
     put_key,
     set_compliance,
@@ -13,18 +12,6 @@ from mechsim.simulation.mjcf.edited_text import (
 from mechsim.simulation.mjcf.included_files import moved_to, with_included
 
 TEXT = model_text("mjcf_text_text.xml")
-
-
-def test_elements_have_their_positions_in_the_text():
-    root = elements_of(TEXT)
-    assert [item.tag for item in root.children] == ["compiler", "option", "worldbody", "equality"]
-    for item in root.every():
-        assert TEXT[item.start : item.end].startswith(f"<{item.tag}")
-        assert TEXT[item.end - 1] == ">"
-    body = next(root.every("body"))
-    assert body.attributes["name"] == "a > b"
-    assert body.within("worldbody") is root.children[2]
-    assert next(root.every("geom")).empty
 
 
 def test_settings_change_only_their_values():
@@ -62,18 +49,6 @@ def test_options_and_flags_are_inserted_into_existing_elements(text):
     assert model.opt.disableflags & gravity == before.opt.disableflags & gravity
 
 
-def test_equalities_without_compliance_share_one_default():
-    rows = "".join(f'<joint joint1="j{i}"/>\n' for i in range(4))
-    joints = "".join(f'<body><joint name="j{i}"/><geom size=".1"/></body>' for i in range(4))
-    edited = EditedText(
-        f"<mujoco><worldbody>{joints}</worldbody><equality>{rows}"
-        '<joint joint1="j0" joint2="j1" solref="0.5 1"/></equality></mujoco>'
-    )
-    set_compliance(edited, {"solref": "0.004 1"})
-    assert len(edited.edits) == 2
-    assert (mujoco.MjModel.from_xml_string(edited.result).eq_solref[:, 0] == 0.004).all()
-
-
 def test_an_added_comment_and_keyframe_are_well_formed():
     edited = EditedText(TEXT)
     put_comment(edited, ["first -- line", "second"])
@@ -83,13 +58,6 @@ def test_an_added_comment_and_keyframe_are_well_formed():
     with_second_key = EditedText(edited.result)
     put_key(with_second_key, "later", {"qpos": "0.5"})
     assert mujoco.MjModel.from_xml_string(with_second_key.result).key("later").qpos[0] == 0.5
-
-
-def test_an_element_is_removed_with_its_line():
-    edited = EditedText(TEXT)
-    edited.remove(next(edited.root.every("option")))
-    assert len(edited.result.splitlines()) == len(TEXT.splitlines()) - 1
-    assert "gravity" not in edited.result
 
 
 def test_only_included_files_that_change_are_inlined(tmp_path):
@@ -122,3 +90,10 @@ def test_asset_paths_are_adapted_to_another_folder(tmp_path):
     folder.mkdir(parents=True)
     (folder / "main.xml").write_text(moved_to(text, tmp_path, folder))
     assert mujoco.MjModel.from_xml_path(str(folder / "main.xml")).nmesh == 1
+
+
+def test_an_element_is_removed_with_its_line():
+    edited = EditedText(TEXT)
+    edited.remove(next(edited.root.every("option")))
+    assert len(edited.result.splitlines()) == len(TEXT.splitlines()) - 1
+    assert "gravity" not in edited.result

@@ -19,8 +19,6 @@ EVERYTHING = [
     ms.catalog.make("rssr", guide=True).mechanism,
     *mechanisms.everything(),
 ]
-# central differences of step 1e-6: truncation 1e-12 and rounding 1e-10 of coordinates of order one
-DIFFERENCE = 1e-9
 
 
 def loops_of(mechanism: ms.Mechanism) -> ModelLoops:
@@ -31,37 +29,6 @@ def states_near(loops: ModelLoops, n: int, reach: float) -> np.ndarray:
     rng = np.random.default_rng(11)
     steps = reach * rng.normal(size=(n, loops.model.nv))
     return loops.displaced(np.repeat(loops.model.qpos0[None], n, 0), steps)
-
-
-@pytest.mark.parametrize("mechanism", EVERYTHING, ids=lambda m: m.name)
-def test_the_jacobian_is_the_derivative_of_the_residual(mechanism: ms.Mechanism) -> None:
-    loops = loops_of(mechanism)
-    states = states_near(loops, 3, 0.02)
-    _, jacobian = loops.linearise(states)
-    for dof in range(loops.model.nv):
-        step = np.zeros((3, loops.model.nv))
-        step[:, dof] = 1e-6
-        ahead, behind = (loops.residual(loops.displaced(states, sign * step)) for sign in (1.0, -1.0))
-        assert np.abs((ahead - behind) / 2e-6 - jacobian[:, :, dof]).max() < DIFFERENCE
-
-
-def test_slide_rates_scale_with_the_characteristic_length() -> None:
-    loops = loops_of(ms.catalog.make("slider_crank").mechanism)
-    rates = np.full((1, loops.model.nv), 0.1)
-    slides = loops.model.jnt_dofadr[loops.model.jnt_type == mujoco.mjtJoint.mjJNT_SLIDE]
-    assert len(slides) == 1
-    rates[0, slides] = -0.3 * loops.characteristic_length
-    assert np.abs(rates / loops.units).max() == pytest.approx(0.3, rel=1e-12)
-
-
-@pytest.mark.parametrize("mechanism", EVERYTHING, ids=lambda m: m.name)
-def test_batched_and_single_states_have_equal_results(mechanism: ms.Mechanism) -> None:
-    loops = loops_of(mechanism)
-    states = states_near(loops, 3, 0.02)
-    many, alone = loops.linearise(states), loops.linearise(states[1:2])
-    for several, single in zip(many, alone, strict=True):
-        # the same kinematics in C, summed in another order
-        assert np.abs(several[1] - single[0]).max() < 1e-15
 
 
 def test_the_rank_of_a_batch_includes_every_state() -> None:
@@ -87,48 +54,11 @@ def test_perturbed_loops_close_with_the_crank_locked(mechanism: ms.Mechanism) ->
         )
 
 
-@pytest.mark.parametrize("mechanism", EVERYTHING, ids=lambda m: m.name)
-def test_the_tangent_keeps_the_loops_closed_to_first_order(mechanism: ms.Mechanism) -> None:
-    loops = loops_of(mechanism)
-    start = loops.model.qpos0[None]
-    residual, jacobian = loops.linearise(start)
-    tangent = loop_jacobian.tangent(loops, jacobian)
-    assert tangent[0, loops.crank] == 1.0
-    # a linear solve: rounding times the condition of the loop, below 100 here
-    assert np.abs(jacobian @ tangent[..., None]).max() < 1e-14
-    opened = [
-        loops.closure_error(loops.residual(loops.displaced(start, step * tangent)))[0]
-        for step in (1e-3, 2e-3)
-    ]
-    # the remaining residual is of second order
-    assert 3.5 < opened[1] / opened[0] < 4.5
-    assert loops.closure_error(residual)[0] < 1e-14
-
-
 USER = model_text("model_loops_user.xml")
 
 
 def user(equality: str, crank: str = "crank") -> mujoco.MjModel:
     return mujoco.MjModel.from_xml_string(USER.format(equality=equality, crank=crank))
-
-
-def test_a_connect_between_bodies_is_read_with_its_anchor() -> None:
-    loops = read_loops(user('<connect body1="b" body2="c" anchor=".2 .05 0"/>'))
-    # MuJoCo puts the second point where the first is in the reference configuration
-    assert np.abs(loops.residual(loops.model.qpos0[None])).max() < 1e-15
-    rotated = loops.model.qpos0[None].copy()
-    rotated[0, 0] = 0.1
-    expected = np.linalg.norm([0.3, 0.05]) * 2.0 * np.sin(0.05)
-    assert np.linalg.norm(loops.residual(rotated)) == pytest.approx(expected, rel=1e-14)
-
-
-def test_a_joint_equality_is_read_with_all_its_coefficients() -> None:
-    loops = read_loops(user('<joint joint1="j" joint2="crank" polycoef=".1 .2 .3 .4 .5"/>'))
-    state = np.array([[0.7, 1.1, 0.0]])
-    residual, jacobian = loops.linearise(state)
-    x = 0.7
-    assert residual[0, 0] == pytest.approx(1.1 - (0.1 + 0.2 * x + 0.3 * x**2 + 0.4 * x**3 + 0.5 * x**4))
-    assert jacobian[0, 0] == pytest.approx([-(0.2 + 0.6 * x + 1.2 * x**2 + 2.0 * x**3), 1.0, 0.0])
 
 
 def test_a_model_without_a_crank_is_rejected_with_its_joints() -> None:

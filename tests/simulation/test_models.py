@@ -32,22 +32,3 @@ def test_the_model_file_equals_the_generated_model(name: str) -> None:
     ):
         # assembly ends at rounding, which may differ by a few ulp from one processor to the next
         np.testing.assert_allclose(getattr(written, field), getattr(made, field), rtol=1e-12, atol=1e-15)
-
-
-def test_the_solver_tolerance_of_a_model_keeps_full_accuracy() -> None:
-    def state(tolerance: float | None) -> np.ndarray:
-        model = mujoco.MjModel.from_xml_path(str(MODELS / "four_bar.xml"))
-        assert (
-            0.0
-            < model.opt.tolerance
-            == assembled(ms.catalog.make("four_bar").mechanism, ms.Scene()).option.tolerance
-        )
-        model.opt.tolerance = model.opt.tolerance if tolerance is None else tolerance
-        data = mujoco.MjData(model)
-        data.joint("crank").qvel[0] = 20.0 * np.pi
-        mujoco.mj_step(model, data, 200)
-        return data.qpos
-
-    exact = state(0.0)
-    assert np.abs(state(None) - exact).max() < 1e-12
-    assert np.abs(state(1e-8) - exact).max() > 1e-8

@@ -3,7 +3,7 @@
 import mujoco
 import numpy as np
 import pytest
-from model_files import model_text
+from model_files import copied, model_text
 
 import mechsim as ms
 from mechsim.simulation import simulate
@@ -17,13 +17,8 @@ BALL = """<body name="ball" pos="0 -.1 0"><freejoint/><geom size=".01"/></body>
 <geom type="plane" size="1 1 1" pos="0 -.12 0" zaxis="0 1 0"/>"""
 
 
-@pytest.fixture
-def solver(file):
-    def load_with(extra=""):
-        path = file(FIVE_BAR.replace("EXTRA", extra))
-        return ms.load(path, drive=SWINGS)
-
-    return load_with
+def solver(extra=""):
+    return ms.load(copied(FIVE_BAR.replace("EXTRA", extra), ".xml"), drive=SWINGS)
 
 
 def assert_follows(run, motion_laws):
@@ -32,7 +27,7 @@ def assert_follows(run, motion_laws):
         assert run.motion.joints[name].value == pytest.approx(value, abs=1e-5)
 
 
-def test_links_that_overlap_at_their_joints_do_not_brake_the_driver(solver):
+def test_links_that_overlap_at_their_joints_do_not_brake_the_driver():
     case = case_of(solver())
     assert case.passed, case.verdict.reason
     # with contacts as stiff as the loops and recomputed accelerations the error was much larger
@@ -42,7 +37,7 @@ def test_links_that_overlap_at_their_joints_do_not_brake_the_driver(solver):
 
 
 @pytest.mark.long
-def test_bodies_independent_of_the_drivers_keep_their_contacts(solver):
+def test_bodies_independent_of_the_drivers_keep_their_contacts():
     run = simulate(solver(BALL), method="step")
     assert "so are contacts" in run.note
     assert_follows(run, solver(BALL).motion_laws)

@@ -9,8 +9,8 @@ from scene_texts import FINGER
 
 import mechsim as ms
 from mechsim.mechanism.motion_laws import swing
-from mechsim.simulation import driven_run, position_tolerance, simulate
-from mechsim.simulation.position_tolerance import TRIAL_STEPS
+from mechsim.simulation import driven_run, simulate
+from mechsim.simulation.position_tolerance import MIN_STEPS, TRIAL_STEPS
 
 TURNS = 10.0
 SPEED = ms.units.rpm(100.0)
@@ -72,19 +72,10 @@ def test_a_loose_tolerance_needs_only_one_full_run(name, fraction, stepped) -> N
 
 
 def test_a_zero_error_needs_the_minimum_number_of_steps() -> None:
-    class Exact:
-        profile = type("Profile", (), {"turns": TURNS})
-        cycle, min_steps = 1.0, 1
-
-        def over_first_turns(self, turns):
-            fraction = Exact()
-            fraction.profile = type("Profile", (), {"turns": turns})
-            return fraction
-
-        def errors_by_turn(self, _settings):
-            return np.zeros(max(1, round(self.profile.turns)))
-
-    assert position_tolerance.steps_needed(Exact(), ms.Settings(), 1e-6)[1] == position_tolerance.MIN_STEPS
+    joint = ms.Joint("crank", "revolute", ms.End("ground"), ms.End("arm"))
+    arm = ms.Mechanism("arm", (ms.Link("arm"),), (joint,), "crank", {"P": ("arm", (0.1, 0.0, 0.0))})
+    run = simulate(arm, speed=SPEED, turns=TURNS, tolerance=1e-6)
+    assert run.steps == TURNS * MIN_STEPS
 
 
 @pytest.mark.parametrize("reach", [0.1, 0.01])

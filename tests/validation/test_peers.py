@@ -64,27 +64,21 @@ def test_the_start_is_closed_with_rates_of_the_closed_form(problem):
     assert np.abs(coupler.position[0] + coupler.rotation[0] @ pin - tip).max() < 1e-15
 
 
-def test_a_known_displacement_is_the_reported_error(problem):
-    angles = problem.angles(20)
-    result = {name: position.copy() for name, position in problem.closed_form.positions(angles).items()}
-    next(iter(result.values()))[7, 1] += 1e-6 * problem.crank
-    assert problems.position_errors(problem, angles, result).position == pytest.approx(1e-6, rel=1e-6)
-
-
-def test_a_coupler_too_long_by_a_thousandth_is_rejected(problem):
-    angles = problem.angles(20)
-    wrong = problems.make_problem(problem.name, coupler=1.001 * problem.closed_form.coupler)
-    errors = problems.position_errors(problem, angles, wrong.closed_form.positions(angles))
-    assert errors.position > 1e-3
-    assert errors.rocker > 1e-4
-
-
-def test_another_assembly_mode_and_a_lagging_crank_are_rejected(problem):
-    angles = problem.angles(20)
-    other = problems.make_problem(problem.name, branch=-problem.closed_form.branch)
-    assert problems.position_errors(problem, angles, other.closed_form.positions(angles)).rocker > 0.1
-    late = problem.closed_form.positions(angles - 1e-3)
-    assert problems.position_errors(problem, angles, late).position > 0.9e-3
+def test_wrong_positions_have_their_error(problem):
+    angles, exact = problem.angles(20), problem.closed_form
+    displaced = {name: position.copy() for name, position in exact.positions(angles).items()}
+    next(iter(displaced.values()))[7, 1] += 1e-6 * problem.crank
+    longer = problems.make_problem(problem.name, coupler=1.001 * exact.coupler).closed_form.positions(angles)
+    other = problems.make_problem(problem.name, branch=-exact.branch).closed_form.positions(angles)
+    shifted, length, mode, late = (
+        problems.position_errors(problem, angles, result)
+        for result in (displaced, longer, other, exact.positions(angles - 1e-3))
+    )
+    assert shifted.position == pytest.approx(1e-6, rel=1e-6)
+    assert length.position > 1e-3
+    assert length.rocker > 1e-4
+    assert mode.rocker > 0.1
+    assert late.position > 0.9e-3
 
 
 def test_a_wrong_or_delayed_torque_is_rejected(problem):
@@ -100,14 +94,9 @@ def test_a_wrong_or_delayed_torque_is_rejected(problem):
 @pytest.mark.parametrize("broken", ["short", "missing", "not a number"])
 def test_an_incomplete_turn_has_an_infinite_error(problem, broken):
     angles = problem.angles(20)
-    result = dict(problem.closed_form.positions(angles))
-    name = next(iter(result))
-    if broken == "short":
-        result[name] = result[name][:-1]
-    elif broken == "missing":
-        del result[name]
-    else:
-        result[name] = np.where(np.arange(21)[:, None] == 3, np.nan, result[name])
+    (name, first), *others = problem.closed_form.positions(angles).items()
+    wrong = {"short": first[:-1], "not a number": np.where(np.arange(21)[:, None] == 3, np.nan, first)}
+    result = dict(others) | ({} if broken == "missing" else {name: wrong[broken]})
     assert problems.position_errors(problem, angles, result) == problems.Errors(np.inf, np.inf)
 
 

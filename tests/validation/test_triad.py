@@ -110,29 +110,26 @@ def test_the_study_reports_no_disagreement(capsys):
     assert "disagreements: 0" in capsys.readouterr().out
 
 
-def test_legs_in_another_order_give_the_same_poses():
-    pivots, platform, legs = study.random_triads(300, seed=6)
-    permuted = [array[:, [2, 0, 1]] for array in (pivots, platform, legs)]
-    assert same_poses(triad.triad_modes(pivots, platform, legs), triad.triad_modes(*permuted), 1e-9)
+def permuted(*triads):
+    return triad.triad_modes(*(array[:, [2, 0, 1]] for array in triads))
 
 
-def test_the_mirror_image_has_mirrored_poses():
-    pivots, platform, legs = study.random_triads(300, seed=7)
-    mirror = np.array([1.0, -1.0])
-    mirrored = triad.triad_modes(pivots * mirror, platform * mirror, legs)
-    mirrored = mirrored * np.array([1.0, -1.0, -1.0])
-    assert same_poses(triad.triad_modes(pivots, platform, legs), mirrored, 1e-9)
+def mirrored(pivots, platform, legs):
+    return triad.triad_modes(pivots * [1.0, -1.0], platform * [1.0, -1.0], legs) * [1.0, -1.0, -1.0]
 
 
-def test_poses_move_and_scale_with_the_pivots():
-    pivots, platform, legs = study.random_triads(300, seed=8)
-    poses = triad.triad_modes(pivots, platform, legs)
+def moved_and_scaled(pivots, platform, legs):
     scale, rotation, shift = 1e-6, np.exp(0.7j), 3e-6 - 5e-6j
     moved = scale * rotation * plane(pivots) + shift
-    transformed = triad.triad_modes(np.stack([moved.real, moved.imag], -1), scale * platform, scale * legs)
-    inverse = (plane(transformed[..., :2]) - shift) / rotation / scale
-    transformed = np.stack([inverse.real, inverse.imag, transformed[..., 2] - 0.7], -1)
-    assert same_poses(poses, transformed, 1e-9)
+    poses = triad.triad_modes(np.stack([moved.real, moved.imag], -1), scale * platform, scale * legs)
+    inverse = (plane(poses[..., :2]) - shift) / rotation / scale
+    return np.stack([inverse.real, inverse.imag, poses[..., 2] - 0.7], -1)
+
+
+@pytest.mark.parametrize("transformed", [permuted, mirrored, moved_and_scaled])
+def test_a_transformed_triad_has_the_transformed_poses(transformed):
+    triads = study.random_triads(300, seed=6)
+    assert same_poses(triad.triad_modes(*triads), transformed(*triads), 1e-9)
 
 
 def test_two_poses_of_equal_angle_are_both_returned():

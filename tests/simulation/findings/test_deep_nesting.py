@@ -23,13 +23,6 @@ def nested(tmp_path, depth):
     return scene
 
 
-def test_subtree_masses_agree_with_mujoco(tmp_path):
-    scene = nested(tmp_path, 60)
-    np.testing.assert_allclose(
-        implausible_numbers.carried_masses(scene), scene.model.body_subtreemass, rtol=1e-13
-    )
-
-
 @pytest.mark.long
 def test_mass_check_of_nested_bodies_has_linear_cost(tmp_path):
     def weigh(scene):
@@ -38,3 +31,10 @@ def test_mass_check_of_nested_bodies_has_linear_cost(tmp_path):
     few, many = (calls(partial(weigh, nested(tmp_path, depth))) for depth in (60, 360))
     # six times the bodies; the square would be 36 times
     assert many < 7 * few
+
+
+def test_subtree_masses_agree_with_mujoco(tmp_path):
+    scene = nested(tmp_path, 60)
+    np.testing.assert_allclose(
+        implausible_numbers.carried_masses(scene), scene.model.body_subtreemass, rtol=1e-13
+    )

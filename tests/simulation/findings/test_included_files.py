@@ -24,16 +24,3 @@ def test_a_finding_names_the_included_file_and_the_line_in_it(tmp_path):
     assert (result["gap"].file, result["gap"].line) == ("loops.xml", 4)
     assert (result["limit"].file, result["limit"].line) == ("rocker.xml", 3)
     assert result["limit"].one_line.startswith("rocker.xml, line 3: joint C starts")
-
-
-def test_a_finding_in_the_main_file_names_only_the_line(tmp_path):
-    arm, rocker, loops = ("\n".join(text.splitlines()[1:-1]) for text in (ARM, ROCKER, LOOPS))
-    body = arm.replace('  <include file="rocker.xml"/>', rocker)
-    whole = MAIN.replace('    <include file="parts/arm.xml"/>', body).replace(
-        '  <include file="loops.xml"/>', loops
-    )
-    (tmp_path / "whole.xml").write_text(whole)
-    result = {item.kind: item for item in findings(read_model(str(tmp_path / "whole.xml")))}
-    for kind, element in (("gap", "<connect"), ("limit", '<joint name="C"')):
-        assert result[kind].file == ""
-        assert element in whole.splitlines()[result[kind].line - 1]
