@@ -1,9 +1,7 @@
-import os
-import subprocess
-import sys
 from types import SimpleNamespace
 
 import pytest
+from processes import mechsim_run
 
 from mechsim.cli.options import complete_models, complete_parameters
 
@@ -42,12 +40,7 @@ def test_parameters_of_the_named_mechanism_are_completed():
     [("show rss", "rssr"), ("dynamics ", "forward"), ("dynamics inverse four_b", "four_bar")],
 )
 def test_a_shell_completes_models_and_analyses(words, expected):
-    environment = os.environ | {
-        "_MECHSIM_COMPLETE": "complete_bash",
-        "COMP_WORDS": f"mechsim {words}",
-        "COMP_CWORD": str(len(words.split(" "))),
-    }
-    line = "import sys; sys.argv = ['mechsim']; from mechsim.cli import main; main()"
-    completed = subprocess.run([sys.executable, "-c", line], env=environment, capture_output=True, text=True)
+    typed = {"COMP_WORDS": f"mechsim {words}", "COMP_CWORD": str(len(words.split(" ")))}
+    completed = mechsim_run(_MECHSIM_COMPLETE="complete_bash", **typed)
     assert completed.returncode == 0
     assert expected in completed.stdout.split()

@@ -2,20 +2,17 @@
 
 import asyncio
 import json
-import subprocess
 import sys
 
 import pytest
 from mcp.client.client import Client
 from mcp.client.stdio import StdioServerParameters, stdio_client
 from model_files import model_text
+from processes import MAIN, mechsim_run
 
 from mechsim.cli.confined import require_confined
 from mechsim.cli.mcp import TOOLS, run_tool
 from mechsim.errors import InputError
-
-MECHSIM = [sys.executable, "-c", "from mechsim.cli import main; main()"]
-
 
 # tool -> its options, and a key of its answer
 CALLS = {
@@ -42,9 +39,8 @@ def test_a_client_lists_and_calls_the_tools(tmp_path):
     (tmp_path / "scene.xml").write_text(model_text("rules_sound.xml"))
 
     async def session():
-        parameters = StdioServerParameters(
-            command=MECHSIM[0], args=[*MECHSIM[1:], "mcp", "--root", str(tmp_path)]
-        )
+        words = ["-c", MAIN, "mcp", "--root", str(tmp_path)]
+        parameters = StdioServerParameters(command=sys.executable, args=words)
         async with Client(stdio_client(parameters)) as client:
             tools = (await client.list_tools()).tools
             called = {name: await client.call_tool(name, {"options": CALLS[name][0]}) for name in CALLS}
@@ -62,12 +58,7 @@ def test_a_client_lists_and_calls_the_tools(tmp_path):
         assert key in called[name].structured_content, [*called[name].structured_content]
         assert outside[name].is_error
         assert "outside" in outside[name].content[0].text
-    printed = subprocess.run(
-        [*MECHSIM, "show", *CALLS["show"][0], "--json"],
-        capture_output=True,
-        text=True,
-        check=True,
-    )
+    printed = mechsim_run("show", *CALLS["show"][0], "--json")
     assert called["show"].structured_content == json.loads(printed.stdout)
     assert (tmp_path / "designs.csv").stat().st_size > 0
     assert (tmp_path / "bar.png").stat().st_size > 0

@@ -59,18 +59,13 @@ def test_a_documented_unknown_name_is_detected():
     source = '''
 class Gear:
     """A gear.
-
     Attributes:
         teeth: their number.
         module: of the teeth in [m].
     """
-
     teeth: int
-
-
 def mesh(a, *others):
     """Return the ratio.
-
     Args:
         a: first gear.
         others, b: gears that follow.

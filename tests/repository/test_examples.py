@@ -1,8 +1,7 @@
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from processes import python
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 # text at the end of each output
@@ -13,20 +12,9 @@ EXPECTED_OUTPUT = {
 }
 
 
-def test_every_tested_example_exists() -> None:
-    assert {path.stem for path in EXAMPLES.glob("*.py")} >= set(EXPECTED_OUTPUT)
-
-
 @pytest.mark.parametrize("name", EXPECTED_OUTPUT)
 def test_the_example_runs_without_a_warning_and_passes(name: str, tmp_path: Path) -> None:
-    completed = subprocess.run(
-        [sys.executable, "-W", "error", str(EXAMPLES / f"{name}.py")],
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-        cwd=tmp_path,
-    )
+    completed = python("-W", "error", EXAMPLES / f"{name}.py", folder=tmp_path)
     assert completed.returncode == 0, completed.stderr
     assert EXPECTED_OUTPUT[name] in completed.stdout
     assert "failed" not in completed.stdout

@@ -2,11 +2,10 @@
 
 import json
 import re
-import subprocess
-import sys
 from types import SimpleNamespace
 
 import pytest
+from processes import python
 
 from mechsim import cli
 from mechsim.errors import install_command
@@ -32,9 +31,7 @@ PathFinder.find_spec = seen
 
 def run_core(code, cwd):
     """Run Python without optional libraries."""
-    return subprocess.run(
-        [sys.executable, "-c", HIDE + code], cwd=cwd, capture_output=True, text=True, timeout=120
-    )
+    return python("-c", HIDE + code, folder=cwd)
 
 
 def commands(lines, cwd):

@@ -117,14 +117,8 @@ def forbidden_libraries(name, imported):
     return {item for item in libraries if not name.startswith(LIBRARIES[item])}
 
 
-def test_the_top_level_is_small():
-    folders = [path for path in structure.PACKAGE.iterdir() if any(path.rglob("*.py"))]
-    assert len(folders) <= 15
-    assert len(list(structure.PACKAGE.glob("*.py"))) <= 9
-    assert {structure.package_of(name) for name in FILES} - {"", "_version"} == set(ALLOWED_IMPORTS)
-
-
 def test_packages_import_only_allowed_packages(graph):
+    assert {structure.package_of(name) for name in FILES} - {"", "_version"} == set(ALLOWED_IMPORTS)
     assert breaches(graph) == []
 
 
@@ -139,12 +133,6 @@ def between_features(graph):
 
 def test_features_do_not_import_each_other(graph):
     assert between_features(graph) == BETWEEN_FEATURES
-
-
-def test_the_check_rejects_an_import_between_features(graph):
-    wrong = graph.copy()
-    wrong.add_edge("mechsim.studies.sweep.task", "mechsim.studies.tradeoff.methods")
-    assert between_features(wrong) - BETWEEN_FEATURES == {("sweep", "tradeoff")}
 
 
 def test_commands_reach_no_more_code_than_allowed():
@@ -211,10 +199,7 @@ def test_no_two_classes_share_a_name():
             "mechsim.kinematics.loops.maximal_coordinates",
             "import importlib\nimportlib.import_module('mujoco')",
         ),
-        ("mechsim.compare.crosscheck", "import mujoco"),
         ("mechsim.mechanism.motion", "import matplotlib.pyplot as plt"),
-        ("mechsim.units", "import mediapy"),
-        ("mechsim.simulation.run", "import typer"),
     ],
 )
 def test_the_check_rejects_a_forbidden_library(name, source):
@@ -225,16 +210,12 @@ def test_the_check_rejects_a_forbidden_library(name, source):
     ("name", "source"),
     [
         ("mechsim.kinematics.loops.maximal_coordinates", "from mechsim import simulation"),
-        ("mechsim.kinetics.model", "from mechsim.simulation.mjcf.compiling import to_xml"),
         ("mechsim.kinematics.loops.tree", "from ...simulation.mjcf import generator"),
         (
             "mechsim.simulation.mjcf.generator",
             "def f():\n    from mechsim.kinematics.loops.tree import SpanningTree",
         ),
-        ("mechsim.simulation.run", "import mechsim.kinematics.loops as c"),
-        ("mechsim.simulation.run", "from mechsim.pictures import render"),
         ("mechsim.compare.crosscheck", "if TYPE_CHECKING:\n    from mechsim.simulation import Run"),
-        ("mechsim.mechanism.mechanism", "from mechsim.compare import crosscheck"),
     ],
 )
 def test_the_check_rejects_a_forbidden_import(name, source, graph):
@@ -246,7 +227,9 @@ def test_the_check_rejects_a_forbidden_import(name, source, graph):
     assert len(breaches(wrong)) == len(breaches(graph)) + 1
 
 
-def test_the_check_rejects_a_cycle(graph):
+def test_the_check_rejects_a_cycle_and_an_import_between_features(graph):
     wrong = graph.copy()
+    wrong.add_edge("mechsim.studies.sweep.task", "mechsim.studies.tradeoff.methods")
+    assert between_features(wrong) - BETWEEN_FEATURES == {("sweep", "tradeoff")}
     wrong.add_edge("mechsim.mechanism.mechanism", "mechsim.kinematics.loops.tree")
     assert any("mechsim.kinematics.loops.tree" in cycle for cycle in structure.cycles(wrong))

@@ -2,11 +2,10 @@
 
 import os
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from processes import mechsim_run, python
 
 import mechsim
 from mechsim.cli import LATE
@@ -36,7 +35,7 @@ for name in {names}:
     app([name, "--help"], standalone_mode=False)
     assert not {{"mujoco", "scipy", "matplotlib"}} & sys.modules.keys(), name
 """
-    result = subprocess.run([sys.executable, "-c", reported], capture_output=True, text=True, check=False)
+    result = python("-c", reported)
     assert result.returncode == 0, result.stderr
     for name in names:
         assert f" {name} [OPTIONS]" in result.stdout
@@ -55,13 +54,7 @@ def run_with_mujoco(tmp_path, files, *names):
         info = tmp_path / f"{name.replace('-', '_')}-4.0.0.dist-info"
         info.mkdir()
         (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 4.0.0\n")
-    return subprocess.run(
-        [sys.executable, "-m", "mechsim", "validate", "slider_crank"],
-        env=os.environ | {"PYTHONPATH": f"{tmp_path}{os.pathsep}{PACKAGE.parent}"},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    return mechsim_run("validate", "slider_crank", PYTHONPATH=f"{tmp_path}{os.pathsep}{PACKAGE.parent}")
 
 
 def test_an_old_mujoco_is_reported_with_the_update_command(tmp_path):
@@ -99,7 +92,7 @@ model = mujoco.MjModel.from_xml_string("<mujoco><worldbody>" + BODY + "</worldbo
 ms.{function}(model)
 print(ms.load(model).mechanism.joints[0].a.point[0])
 """
-    result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    result = python("-c", script)
     assert result.returncode == 0, result.stderr
     assert result.stdout == "0.123456789\n"
 
@@ -115,8 +108,5 @@ try:
 finally:
     assert "mujoco" in sys.modules and "glfw" not in sys.modules
 """
-    environment = {key: value for key, value in os.environ.items() if key != "MUJOCO_GL"}
-    result = subprocess.run(
-        [sys.executable, "-c", reported], capture_output=True, text=True, check=False, env=environment
-    )
+    result = python("-c", reported, MUJOCO_GL=None)
     assert result.returncode == 0, result.stderr

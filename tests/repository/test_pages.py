@@ -12,6 +12,7 @@ import pytest
 import mechsim
 
 DOCS = Path(__file__).parents[2] / "docs"
+README = DOCS.parent / "README.md"
 PAGES = [path for path in sorted(DOCS.rglob("*.md")) if not {"_build", "_generated"} & set(path.parts)]
 PYTHON = "".join(path.read_text() for path in sorted((DOCS / "reference" / "python").glob("*.md")))
 MODULES = {"catalog", "closure", "course", "dynamics", "motors", "plots", "render", "rods", "simulation"}
@@ -58,11 +59,11 @@ def test_every_page_is_in_the_contents():
     assert listed == pages | GENERATED
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda path: path.relative_to(DOCS).as_posix())
+@pytest.mark.parametrize("page", [*PAGES, README], ids=lambda path: path.name)
 def test_links_and_pictures_of_a_page_exist(page):
     text = re.sub(r"```.*?```", "", page.read_text(), flags=re.DOTALL)
     for link in re.findall(r"\]\(([^)#\s]+)[^)]*\)", text):
-        if not re.match(r"https?:|mailto:|(\.\./)*_generated/|llms.txt$", link):
+        if not re.match(r"https?:|mailto:|(\.\./)*_generated/|llms.txt$|\.\./\.\./actions/", link):
             assert (page.parent / link).exists(), link
 
 
@@ -93,7 +94,7 @@ def test_each_command_has_a_page_with_every_option(tmp_path):
 
 
 def test_pictures_in_docs_are_used():
-    text = "".join(path.read_text() for path in [*PAGES, DOCS.parent / "README.md"])
+    text = "".join(path.read_text() for path in [*PAGES, README])
     pictures = [path.name for path in DOCS.iterdir() if path.suffix in (".png", ".gif")]
     assert [name for name in pictures if name not in text] == []
 
@@ -135,7 +136,7 @@ def unknown_names(code: str) -> list[str]:
     return missing
 
 
-@pytest.mark.parametrize("page", [*PAGES, DOCS.parent / "README.md"], ids=lambda path: path.name)
+@pytest.mark.parametrize("page", [*PAGES, README], ids=lambda path: path.name)
 def test_commands_options_and_names_of_a_page_exist(page):
     text = page.read_text()
     assert [(line, wrong) for line in shell_lines(text) if (wrong := unknown_options(line))] == []

@@ -42,7 +42,6 @@ def test_no_test_uses_private_names():
     ("source", "names"),
     [
         ("from mechsim.errors import _told", ["_told"]),
-        ("import mechsim._version", ["mechsim._version"]),
         ("path._closed(1)", ["_closed"]),
         ("monkeypatch.setattr(loops, '_look', None)", ["_look"]),
         ("monkeypatch.setattr('mechsim.cli.export._text', None)", ["mechsim.cli.export._text"]),

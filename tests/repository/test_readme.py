@@ -66,9 +66,3 @@ def test_the_badges_are_those_of_workflows():
     named = re.findall(r"\.\./\.\./actions/workflows/([\w.]+?)(?:/badge\.svg)?\)", README)
     assert {*named} == {"tests.yml", "pages.yml"}
     assert all((ROOT / ".github/workflows" / name).is_file() for name in named)
-
-
-def test_every_path_named_in_the_readme_exists():
-    text = README.replace("../../actions", "https:")
-    for name in re.findall(r"\]\(([^):]+)\)|`((?:docs|examples|[A-Z]+\.md)[\w./]*)`", text):
-        assert (ROOT / (name[0] or name[1])).exists(), name

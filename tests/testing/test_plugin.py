@@ -1,14 +1,12 @@
 """The pytest plugin in separate projects and processes."""
 
-import os
 import shutil
-import subprocess
-import sys
 import xml.etree.ElementTree as ET
 from importlib.metadata import entry_points
 from pathlib import Path
 
 import pytest
+from processes import python
 
 ROOT = Path(__file__).parents[2]
 INSTALLED = bool(entry_points(group="pytest11", name="mechsim"))
@@ -24,16 +22,10 @@ def project(tmp_path):
 def run(folder, *arguments, isolated=True):
     """Return exit code and output of pytest in a folder, alone with the plugin, or with all installed."""
     plugin = ("-p", "mechsim.testing.plugin") if isolated else ()
-    without = {"PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"} if isolated else {}
-    completed = subprocess.run(
-        [sys.executable, "-m", "pytest", *plugin, "-q", "-W", "error", "--strict-markers", *arguments],
-        cwd=folder,
-        env={**os.environ, "PYTHONPATH": str(ROOT), "COLUMNS": "80", **without},
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-    )
+    variables = {"PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"} if isolated else {}
+    variables |= {"PYTHONPATH": str(ROOT), "COLUMNS": "80"}
+    words = [*plugin, "-q", "-W", "error", "--strict-markers", *arguments]
+    completed = python("-m", "pytest", *words, folder=folder, **variables)
     return completed.returncode, completed.stdout + completed.stderr
 
 
