@@ -5,6 +5,7 @@ import fcntl
 import io
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -46,6 +47,15 @@ ERROR_EVENTS = ("Runtime.exceptionThrown", "Runtime.consoleAPICalled", "Log.entr
 def in_browser(test: Callable[..., None]) -> Callable[..., None]:
     """Mark a test that opens pages in Chromium; CI runs these in a job of their own."""
     return pytest.mark.browser(NEEDS_BROWSER(test))
+
+
+def sheets_of(page: Path) -> int:
+    """Return the number of sheets on which a browser prints a page."""
+    paper = page.with_suffix(".pdf")
+    command = [str(CHROMIUM), "--headless", "--no-sandbox", "--disable-gpu", f"--print-to-pdf={paper}"]
+    command += [f"--user-data-dir={page.parent / 'profile'}", page.as_uri()]
+    subprocess.run(command, capture_output=True, timeout=120, check=True)
+    return len(re.findall(rb"/Type\s*/Page\b", paper.read_bytes()))
 
 
 class Browser:

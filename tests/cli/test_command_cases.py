@@ -14,6 +14,7 @@ from typing import Any
 import pytest
 from drawing import draws
 from expected import PLAIN_MARKERS, deviations, listed, normalised, require_keys, row_parameters
+from json_schemas import check_output
 from model_files import FOLDER, changed_text
 from typed_call import Answer, Call
 
@@ -56,7 +57,7 @@ def check_texts(answer: Answer, row: dict[str, Any], folder: Path) -> None:
         assert words_missing((folder / name).read_text(encoding="utf-8"), words) == []
 
 
-def check(answer: Answer, row: dict[str, Any], folder: Path, before: set[Path]) -> None:
+def check(answer: Answer, row: dict[str, Any], words: list[str], folder: Path, before: set[Path]) -> None:
     """Compare the answer of a command, and what it wrote, with a row."""
     assert answer.code == row.get("code", 0), answer.err or answer.out
     assert "Traceback" not in answer.err
@@ -66,7 +67,9 @@ def check(answer: Answer, row: dict[str, Any], folder: Path, before: set[Path]) 
         assert {*folder.iterdir()} <= before
     check_texts(answer, row, folder)
     if "json" in row:
-        assert deviations(json.loads(answer.out), row["json"]) == []
+        reported = json.loads(answer.out)
+        check_output(words, reported)
+        assert deviations(reported, row["json"]) == []
     for key, text in (("out_lines", answer.out), ("err_lines", answer.err)):
         assert deviations(text.splitlines(), row.get(key, {})) == []
     for name, expected in row.get("tables", {}).items():
@@ -95,7 +98,7 @@ def run_rows(
             ]
             before = {*folder.iterdir()}
             answer = mechsim(*words)
-            check(answer, row, folder, before)
+            check(answer, row, words, folder, before)
             assert not row.get("repeats") or answer.out == last
             last = answer.out
 

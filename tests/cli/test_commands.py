@@ -3,16 +3,14 @@
 import inspect
 import json
 import re
-import subprocess
-import sys
-import time
 from pathlib import Path
 
 import numpy as np
 import pytest
+from processes import python
 from typed_call import Call
 
-from mechsim import __version__, catalog, cli, files
+from mechsim import catalog, cli
 
 
 def test_a_table_that_is_no_text_is_rejected(mechsim: Call, tmp_path: Path) -> None:
@@ -49,13 +47,6 @@ def test_every_command_is_listed_with_its_complete_summary(name: str, mechsim: C
     assert line.split(maxsplit=len(name.split()))[-1] == cli.COMMANDS[name][1]
 
 
-def test_the_package_runs_as_a_module() -> None:
-    completed = subprocess.run(
-        [sys.executable, "-m", "mechsim", "--version"], capture_output=True, text=True, check=False
-    )
-    assert completed.stdout.strip() == __version__
-
-
 HEAVY = {"scipy", "matplotlib", "mediapy", "pint", "networkx", "jinja2"}
 
 
@@ -70,8 +61,7 @@ def loaded_by(*arguments: str) -> set[str]:
         "    except SystemExit as ended: assert not ended.code, words\n"
         "print('loaded', *{name.partition('.')[0] for name in sys.modules})"
     )
-    completed = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    return set(completed.stdout.splitlines()[-1].split())
+    return set(python("-c", code).stdout.splitlines()[-1].split())
 
 
 def test_help_imports_no_heavy_library() -> None:
@@ -83,17 +73,3 @@ def test_help_imports_no_heavy_library() -> None:
 def test_common_units_and_analytic_commands_import_no_heavy_library() -> None:
     usual = loaded_by("show four_bar", "solve four_bar --set crank=41mm --speed 300rpm --angles 0:360:45deg")
     assert not usual & {"pint", "xarray", "scipy", "matplotlib", "mediapy", "mujoco"}
-
-
-@pytest.mark.long
-def test_a_killed_run_leaves_no_partial_file(tmp_path: Path) -> None:
-    code = "from mechsim.cli import main; import sys; sys.argv = ['mechsim', *sys.argv[1:]]; main()"
-    words = ["solve", "rssr", "--angles", "0:3600:0.01deg", "-o", str(tmp_path / "out.csv")]
-    process = subprocess.Popen([sys.executable, "-c", code, *words])
-    while process.poll() is None and not any(tmp_path.iterdir()):
-        time.sleep(0.005)
-    process.kill()
-    process.wait()
-    # the file is complete or absent
-    if (tmp_path / "out.csv").exists():
-        assert len(files.read(tmp_path / "out.csv")["angle"]) == 360_001

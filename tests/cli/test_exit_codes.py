@@ -9,7 +9,6 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from grids import grid
 
 from mechsim import cli
 
@@ -80,12 +79,23 @@ def started(arguments: list[str], folder: Path) -> subprocess.Popen[str]:
 
 
 @pytest.mark.parametrize(
-    ("name", "arguments"), [pytest.param("SIGTERM", RENDER, marks=pytest.mark.slow), ("SIGHUP", SOLVE)]
+    ("name", "arguments"),
+    [
+        pytest.param("SIGTERM", RENDER, marks=pytest.mark.slow),
+        pytest.param("SIGINT", RENDER, marks=pytest.mark.slow),
+        ("SIGHUP", SOLVE),
+    ],
 )
 def test_a_terminating_signal_leaves_no_files(name: str, arguments: list[str], tmp_path: Path) -> None:
     process = started(arguments, tmp_path)
     number = getattr(signal, name)
-    process.send_signal(number)
+    if name == "SIGINT":
+        # wait until the encoder writes frames: the keyboard interrupts it too
+        while process.poll() is None and not any(path.stat().st_size for path in tmp_path.iterdir()):
+            time.sleep(0.005)
+        os.killpg(process.pid, number)
+    else:
+        process.send_signal(number)
     output = process.communicate(timeout=600)[1]
     assert process.returncode == 128 + number
     assert output.splitlines()[-1] == "mechsim: stopped"
@@ -93,21 +103,6 @@ def test_a_terminating_signal_leaves_no_files(name: str, arguments: list[str], t
     # the encoder, in the same process group, has ended
     with pytest.raises(ProcessLookupError):
         os.killpg(process.pid, 0)
-
-
-@pytest.mark.slow
-def test_a_keyboard_interrupt_is_no_encoder_error(
-    tmp_path: Path,
-) -> None:
-    process = started(RENDER, tmp_path)
-    # wait until the encoder writes frames
-    while process.poll() is None and not any(path.stat().st_size for path in tmp_path.iterdir()):
-        time.sleep(0.005)
-    os.killpg(process.pid, signal.SIGINT)
-    output = process.communicate(timeout=600)[1]
-    assert process.returncode == 130
-    assert output.splitlines()[-1] == "mechsim: stopped"
-    assert list(tmp_path.iterdir()) == []
 
 
 def test_an_ignored_signal_stays_ignored(tmp_path: Path) -> None:
@@ -138,11 +133,10 @@ def test_an_internal_error_has_its_own_exit_code(
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("name", grid(("osmesa", "nonsense"), ("nonsense",)))
-def test_a_failing_opengl_back_end_does_not_stop_other_commands(name: str, tmp_path: Path) -> None:
-    completed = run("simulate rssr --method pose --samples 8", tmp_path, MUJOCO_GL=name)
+def test_a_failing_opengl_back_end_does_not_stop_other_commands(tmp_path: Path) -> None:
+    completed = run("simulate rssr --method pose --samples 8", tmp_path, MUJOCO_GL="nonsense")
     assert completed.returncode == 0
     if completed.stderr:
         assert completed.stderr == (
-            f"mechsim: MUJOCO_GL={name} does not work here; pictures use another back end, if there is one\n"
+            "mechsim: MUJOCO_GL=nonsense does not work here; pictures use another back end, if there is one\n"
         )

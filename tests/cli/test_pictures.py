@@ -1,6 +1,3 @@
-import shutil
-import sys
-
 import numpy as np
 import pytest
 
@@ -11,14 +8,6 @@ SMALL = ("--size", "96x72")
 
 
 INITIAL = ("--initial", "crank.q=-95deg")
-
-
-def test_a_missing_ffmpeg_is_rejected_before_rendering(mechsim, monkeypatch):
-    monkeypatch.setattr(shutil, "which", lambda name: None)
-    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
-    code, _, err = mechsim("render", "rssr", "-o", "a.mp4", *SMALL)
-    assert code == 2
-    assert "imageio-ffmpeg" in err
 
 
 @pytest.mark.slow
@@ -35,14 +24,14 @@ def test_frames_of_a_swinging_run_have_their_time():
 
 
 @pytest.mark.parametrize(
-    ("options", "frames", "least"),
+    ("options", "frames"),
     [
-        (("four_bar", "-o", "a.png", "--positions", "6"), None, 360),
-        (("four_bar", "-o", "a.gif", "--frames-per-turn", "12"), 12, 360),
-        (("four_bar", "-o", "a.gif", *INITIAL, "--duration", "0.2"), 7, 360),
+        (("four_bar", "-o", "a.png", "--positions", "6"), None),
+        (("four_bar", "-o", "a.gif", "--frames-per-turn", "12"), 12),
+        (("four_bar", "-o", "a.gif", *INITIAL, "--duration", "0.2"), 7),
     ],
 )
-def test_paths_are_finer_than_frames(mechsim, monkeypatch, options, frames, least):
+def test_paths_are_finer_than_frames(mechsim, monkeypatch, options, frames):
     drawn = []
 
     def write(path, mechanism, motion, look, **options):
@@ -54,4 +43,4 @@ def test_paths_are_finer_than_frames(mechsim, monkeypatch, options, frames, leas
     monkeypatch.setattr("mechsim.cli.render.write_video", write)
     assert mechsim("render", *options)[0] == 0
     assert frames is None or len(drawn[0]) == frames
-    assert all(len(path) > least for path in drawn[0].paths.values())
+    assert all(len(path) > 360 for path in drawn[0].paths.values())

@@ -8,6 +8,7 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
+from json_schemas import check_output
 from scene_texts import FINGER, FLOATING, scene
 
 from mechsim import files
@@ -52,6 +53,7 @@ def test_a_tuned_file_satisfies_the_tolerance_as_its_comment_describes(mechsim, 
     )
     assert answer.code == 0, answer.err
     reported = json.loads(answer.out)
+    check_output("tune", reported)
     assert reported["reached"]
     assert reported["tolerance"] == 5e-6
     assert reported["tuned"]["error"] <= 5e-6
@@ -123,9 +125,6 @@ def test_locked_joints_and_a_fixed_base_stay_fixed_in_the_tuned_file(mechsim, tm
     assert model.body("hull").pos == pytest.approx([0.0, 0.2, 1.5])
     assert model.key("home").ctrl == 0.1
     assert len(model.key("home").qpos) == 4
-    answer = mechsim("tune", "finger.xml", "--tolerance", "5um", "--fix-base", "-o", "no.xml")
-    assert answer.code == 2
-    assert "no body has a free joint" in answer.err
 
 
 @pytest.mark.slow

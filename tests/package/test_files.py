@@ -25,12 +25,6 @@ def test_a_table_round_trips_exactly(motion, tmp_path, extension):
         assert (table[name] == column).all()
 
 
-def test_the_header_names_angle_and_points(motion, tmp_path):
-    files.write(tmp_path / "table.csv", motion)
-    header = (tmp_path / "table.csv").read_text().splitlines()[0].split(",")
-    assert header[:10] == ["angle", *(f"P2.{order}{axis}" for order in ("", "v", "a") for axis in "xyz")]
-
-
 def test_an_output_path_of_a_directory_is_rejected(motion, tmp_path):
     (tmp_path / "table.csv").mkdir()
     with pytest.raises(OutputError, match="it is a directory"):

@@ -29,19 +29,6 @@ def test_dir_lists_exactly_the_public_names():
         getattr(ms, "nothing")  # noqa: B009
 
 
-@pytest.mark.parametrize(
-    "line",
-    [
-        "from mechsim import catalog, loops, load_profile, dynamics, motors, plots, masses, units",
-        "import mechsim as ms; ms.Look, ms.plots.motion_plot, ms.load_profile.constant",
-        "import mechsim as ms; ms.masses.with_inertia, ms.motors, ms.simulation.simulate",
-        "from mechsim import *; catalog.make('rssr'), Look",
-    ],
-)
-def test_documented_imports_work(line):
-    exec(compile(line, "a user's script", "exec"), {})
-
-
 def test_declarations_for_type_checkers_match_the_runtime():
     tree = ast.parse(Path(ms.__file__).read_text())
     (block,) = [n for n in tree.body if isinstance(n, ast.If) and ast.unparse(n.test) == "TYPE_CHECKING"]
@@ -70,10 +57,3 @@ MODELS = Path(__file__).parents[2] / "models"
 def test_dynamics_accepts_names_files_and_mujoco_objects(source):
     run = ms.dynamics.run(source, initial={"crank.q": "30deg"}, duration="10ms", samples=2)
     assert run.motion.joints["crank"].value[0] == pytest.approx(np.pi / 6.0, abs=1e-12)
-
-
-def test_validate_runs_every_method_without_a_formula():
-    result = ms.validate("four_bar", stepped=False)
-    assert result.passed
-    assert {check.method for check in result.checks} == {"formula", "pose"}
-    assert ms.validate("four_bar", stepped=False, speed="1rpm").why == result.why

@@ -24,20 +24,6 @@ MODELS = {
 }
 
 
-@pytest.fixture(scope="module")
-def mechsim_json(tmp_path_factory):
-    from typer.testing import CliRunner
-
-    from mechsim.cli import app
-
-    def call(*arguments):
-        completed = CliRunner().invoke(app, [*arguments, "--json"])
-        assert completed.exit_code in (0, 1), completed.output
-        return json.loads(completed.stdout)
-
-    return call
-
-
 @pytest.mark.long
 @pytest.mark.parametrize("kind", grid(MODELS, ("name", "specification")))
 @pytest.mark.parametrize(
@@ -63,11 +49,11 @@ def test_coordinates_have_the_same_order_for_a_path_and_a_solver():
         np.testing.assert_allclose(ms.sample(model, 2).qpos, expected, rtol=0, atol=1e-12)
 
 
-def test_function_and_command_export_equally(mechsim_json, tmp_path):
+def test_function_and_command_export_equally(mechsim, tmp_path):
     arguments = ("--speed", "600rpm", "--timestep", "1ms", "--set", "crank=35mm")
     own = {"set": {"crank": "35mm"}, "speed": "600rpm", "timestep": "1ms"}
     exported = ms.export("four_bar", tmp_path / "a.xml", **own)
-    assert exported.text == mechsim_json("export", "four_bar", *arguments)["text"]
+    assert exported.text == json.loads(mechsim("export", "four_bar", *arguments, "--json").out)["text"]
     assert (tmp_path / "a.xml").read_text() == exported.text
     assert mujoco.MjModel.from_xml_string(exported.text).opt.timestep == 0.001
 

@@ -24,8 +24,23 @@ SCENE = model_text("file_bodies_scene.xml")
 
 @pytest.fixture
 def solver(file):
-    path = file(SCENE)
-    return ms.load(path)
+    return ms.load(file(SCENE))
+
+
+def drawn_bodies(solver, motion=None):
+    """Return the drawing of a file's bodies."""
+    motion = solver.solve([0.0, 1.0]) if motion is None else motion
+    return Source(solver.mechanism, motion).drawn(Look(**drawn_as(solver)))
+
+
+def mujoco_scene(model, data):
+    """Return the scene of MuJoCo's free camera."""
+    free, scene = mujoco.MjvCamera(), mujoco.MjvScene(model, maxgeom=200)
+    mujoco.mjv_defaultFreeCamera(model, free)
+    mujoco.mjv_updateScene(
+        model, data, mujoco.MjvOption(), None, free, int(mujoco.mjtCatBit.mjCAT_ALL), scene
+    )
+    return scene
 
 
 def test_geoms_have_the_poses_and_colours_of_the_file(solver):
@@ -43,12 +58,6 @@ def test_geoms_have_the_poses_and_colours_of_the_file(solver):
     low, high = ball.facets.vertices.min(0), ball.facets.vertices.max(0)
     np.testing.assert_allclose((low + high) / 2, [0.2, 0.0, 0.0], atol=1e-9)
     np.testing.assert_allclose((high - low) / 2, [0.03, 0.02, 0.01], rtol=0.02)
-
-
-def test_a_scene_is_drawn_with_z_upwards_and_its_meshes(solver):
-    drawn = Source(solver.mechanism, solver.solve([0.0, 1.0])).drawn(Look(**drawn_as(solver)))
-    assert drawn.camera.up @ [0.0, 0.0, 1.0] == pytest.approx(1.0)
-    assert drawn.model.nmesh == 2
 
 
 def test_a_pivot_at_a_point_is_labelled_with_the_name_of_the_point():
@@ -74,12 +83,11 @@ def test_a_coarser_mesh_keeps_its_size():
 
 
 def test_every_solid_is_drawn_in_its_own_colour(solver):
-    drawn = Source(solver.mechanism, solver.solve([0.0, 1.0])).drawn(Look(**drawn_as(solver)))
-    model, scene = drawn.model, mujoco.MjvScene(drawn.model, maxgeom=200)
+    drawn = drawn_bodies(solver)
+    assert drawn.camera.up @ [0.0, 0.0, 1.0] == pytest.approx(1.0)
+    model = drawn.model
     drawn.set_frame(0)
-    mujoco.mjv_updateScene(
-        model, drawn.data, mujoco.MjvOption(), None, mujoco.MjvCamera(), mujoco.mjtCatBit.mjCAT_ALL, scene
-    )
+    scene = mujoco_scene(model, drawn.data)
     colours = {
         geom.objid: geom.rgba for geom in scene.geoms[: scene.ngeom] if geom.dataid >= 0 or geom.type != 0
     }
@@ -117,13 +125,10 @@ def loop(tmp_path, visual="", colour="", axis="0 1 0", reach=""):
 def mujoco_camera(spec):
     """Return the directions (back, up) of MuJoCo's free camera on a file, from MuJoCo's own scene."""
     model = spec.compile()
-    data, free, scene = mujoco.MjData(model), mujoco.MjvCamera(), mujoco.MjvScene(model, maxgeom=100)
+    data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
-    mujoco.mjv_defaultFreeCamera(model, free)
-    mujoco.mjv_updateScene(
-        model, data, mujoco.MjvOption(), None, free, int(mujoco.mjtCatBit.mjCAT_ALL), scene
-    )
-    return -np.array(scene.camera[0].forward), np.array(scene.camera[0].up)
+    (camera, _) = mujoco_scene(model, data).camera
+    return -np.array(camera.forward), np.array(camera.up)
 
 
 @pytest.mark.long
@@ -136,9 +141,7 @@ def test_a_spatial_file_is_seen_through_its_own_camera(tmp_path, angles):
     text = text.replace('pos="0.2 0 0">', 'pos="0.2 0 0"><joint name="wrist" axis="1 0 0"/>')
     path.write_text(text)
     solver = ms.load(str(path), drive={"crank": "0.5*t", "wrist": "0.3*t"})
-    camera = (
-        Source(solver.mechanism, solver.solve(t=np.array([0.0, 1.0]))).drawn(Look(**drawn_as(solver))).camera
-    )
+    camera = drawn_bodies(solver, solver.solve(t=np.array([0.0, 1.0]))).camera
     back, up = mujoco_camera(solver.source.spec.copy())
     np.testing.assert_allclose([camera.back, camera.up], [back, up], atol=1e-6)
     cameras = page_data(solver)["cameras"]
@@ -155,7 +158,7 @@ def page_data(solver):
 @pytest.mark.parametrize("azimuth", [90, -70])
 def test_a_planar_file_is_not_mirrored_against_mujoco(tmp_path, axis, azimuth):
     solver = loop(tmp_path, f'<visual><global azimuth="{azimuth}"/></visual>', axis=axis)
-    camera = Source(solver.mechanism, solver.solve([0.0, 1.0])).drawn(Look(**drawn_as(solver))).camera
+    camera = drawn_bodies(solver).camera
     back, up = mujoco_camera(solver.source.spec.copy())
     # straight on, from MuJoCo's side of the plane: x points to the same side of both pictures
     assert abs(camera.back[1]) == pytest.approx(1.0)
@@ -189,7 +192,7 @@ def test_loop_closures_are_marked(tmp_path):
 def test_links_whose_meshes_are_missing_are_drawn_from_their_joints():
     solver = ms.load(str(FOLDER / "missing_meshes_bar.xml"))
     assert file_bodies(solver.source) is None
-    drawn = Source(solver.mechanism, solver.solve([0.0, 1.0])).drawn(Look(**drawn_as(solver)))
+    drawn = drawn_bodies(solver)
     # the point that stands for a mesh has a radius of 1 mm; the arm is 100 mm long
     lengths = [np.ptp(shape.bounds[0], axis=0).max() for shape in drawn.shapes["arm"]]
     assert max(lengths) == pytest.approx(0.1, rel=0.05)
@@ -198,7 +201,7 @@ def test_links_whose_meshes_are_missing_are_drawn_from_their_joints():
 def test_the_camera_follows_a_fall():
     solver = ms.load(str(FOLDER / "falling_arm.xml"), still=True)
     motion = ms.dynamics.run(solver, duration=1.0, samples=20).motion
-    drawn = Source(solver.mechanism, motion).drawn(Look(**drawn_as(solver)))
+    drawn = drawn_bodies(solver, motion)
     # the machine is 420 mm long and falls 4.9 m
     assert drawn.camera.height < 0.6
     positions = []

@@ -111,14 +111,13 @@ def test_the_ghost_is_visible_only_with_an_error(linkage, motion, monkeypatch):
 
 @pytest.mark.long
 @draws
-@pytest.mark.parametrize("camera", ["iso"])
-def test_an_arrow_ends_at_the_tip_of_its_vector(linkage, camera):
+def test_an_arrow_ends_at_the_tip_of_its_vector(linkage):
     direction = np.array([0.3, 2.0, 4.1])
     motion = linkage.solve(direction, 60.0)
     forces = {
         "A": 80.0 * np.column_stack([np.cos(3.0 * direction), np.sin(3.0 * direction), 0.0 * direction])
     }
-    look = ms.Look(size=SIZE, notes=False, labels=False, paths=False, arrows=("force",), camera=camera)
+    look = ms.Look(size=SIZE, notes=False, labels=False, paths=False, arrows=("force",))
     stage = Source(linkage.mechanism, motion, forces=forces).drawn(look)
     (drawn,) = stage.arrows
     pictures = []

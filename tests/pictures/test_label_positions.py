@@ -30,11 +30,13 @@ def test_coincident_points_share_one_label():
     assert [name for name, _ in named] == ["A, crank", "B"]
 
 
-def test_a_label_keeps_its_side_until_a_nearer_point_occupies_it():
-    def pivot(point, before, occupied=()):
-        points = [np.array([200.0, 150.0]), np.array(point)]
-        return placed(points, [40.0, 10.0], 14.0, 8.0, SIZE, occupied, [before, None])[0]
+def pivot(point, before, occupied=()):
+    """Return where the label of a pivot stands, next to that of a point."""
+    points = [np.array([200.0, 150.0]), np.array(point)]
+    return placed(points, [40.0, 10.0], 14.0, 8.0, SIZE, occupied, [before, None])[0]
 
+
+def test_a_label_keeps_its_side_until_a_nearer_point_or_another_label_occupies_it():
     corner = [300.0, 250.0]
     spot, usual = pivot(corner, None)
     passing = np.array([200.0, 150.0]) + np.array([70.0, 25.0]) * np.array(usual[0])
@@ -43,6 +45,7 @@ def test_a_label_keeps_its_side_until_a_nearer_point_occupies_it():
     nearer = np.array([200.0, 150.0]) + 20.0 * np.array(usual[0])
     assert pivot(nearer, None)[1] != usual
     assert pivot(nearer, usual)[1] != usual
+    assert pivot(corner, usual, [spot])[1] != usual
 
 
 def test_every_label_is_nearest_to_its_own_point():
@@ -56,13 +59,3 @@ def test_every_label_is_nearest_to_its_own_point():
             min(points, key=spot.distance) is point for (spot, _), point in zip(result, points, strict=True)
         ]
         assert sum(nearest_is_own) >= 5
-
-
-def test_a_label_moves_away_from_an_occupied_position():
-    def pivot(point, before, occupied=()):
-        points = [np.array([200.0, 150.0]), np.array(point)]
-        return placed(points, [40.0, 10.0], 14.0, 8.0, SIZE, occupied, [before, None])[0]
-
-    corner = [300.0, 250.0]
-    spot, usual = pivot(corner, None)
-    assert pivot(corner, usual, [spot])[1] != usual

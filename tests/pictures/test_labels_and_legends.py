@@ -1,4 +1,5 @@
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
@@ -28,16 +29,16 @@ def test_every_pivot_on_the_ground_has_a_label(name):
 
 @pytest.mark.parametrize("size", [(400, 300), (1280, 720)])
 @pytest.mark.parametrize("lines", [0, 1, 4])
-def test_a_legend_does_not_cover_the_mechanism(size, lines):
-    rng = np.random.default_rng(4)
-    for stretch in ((1.0, 1.0, 1.0), (1.0, 9.0, 1.0), (9.0, 1.0, 1.0)):
+def test_a_legend_does_not_cover_the_mechanism_and_nothing_reaches_the_border(size, lines):
+    rng, mechanism, free = np.random.default_rng(4), ms.load("rssr").mechanism, foot(size, lines)
+    for preset, stretch in product(camera.PRESETS, ((1.0, 1.0, 1.0), (1.0, 9.0, 1.0), (9.0, 1.0, 1.0))):
         points, radii = rng.normal(size=(50, 3)) * stretch, rng.uniform(0.0, 0.3, 50)
-        free = foot(size, lines)
-        view = camera.framed(np.array([0, 0, 1.0]), np.array([0, 1.0, 0]), points, radii, size, foot=free)
-        lowest = (view.pixel(points)[:, 1] + radii * view.scale).max()
-        highest = (view.pixel(points)[:, 1] - radii * view.scale).min()
-        assert lowest <= size[1] * (1.0 - max(free, camera.BORDER)) + 1e-6
-        assert highest >= size[1] * camera.BORDER - 1e-6
+        view = camera.framed(*camera.directions(mechanism, preset), points, radii, size, foot=free)
+        np.testing.assert_allclose(np.cross(view.right, view.up), view.back, atol=1e-12)
+        pixels, reach = view.pixel(points), (radii * view.scale)[:, None]
+        assert ((pixels - reach) >= np.array(size) * camera.BORDER - 1e-6).all()
+        lowest = [1.0 - camera.BORDER, 1.0 - max(free, camera.BORDER)]
+        assert ((pixels + reach) <= np.multiply(size, lowest) + 1e-6).all()
         # scale bar and the lines above it
         assert lines == 0 or size[1] * free >= letters(size) * (1.2 + 1.4 * lines)
 

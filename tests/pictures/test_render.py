@@ -10,11 +10,11 @@ import pytest
 from drawing import draws
 from grids import grid
 from picture_colours import coloured, hues
+from processes import python
 
 import mechsim as ms
 from mechsim.errors import MissingToolError, OutputError
 from mechsim.mechanism.links import GROUND
-from mechsim.mechanism.motion import LinkMotion
 from mechsim.pictures import render
 from mechsim.pictures.render import gl_backend, video
 from mechsim.pictures.render.drawing import Source
@@ -27,16 +27,6 @@ from mechsim.shapes.shape import PALETTE
 NAMES = list(ms.catalog.MECHANISMS)
 ANGLES = np.linspace(0.0, 2.0 * np.pi, 37)
 SIZE = (320, 240)
-
-
-@pytest.fixture(scope="module")
-def linkage():
-    return ms.catalog.make("rssr")
-
-
-@pytest.fixture(scope="module")
-def motion(linkage):
-    return linkage.solve(ANGLES, 60.0)
 
 
 def test_a_mechanism_higher_than_180_m_is_framed():
@@ -55,28 +45,11 @@ def frames_of(mechanism, motion, **options):
     return render.frames(mechanism, motion, **{**plain, **options})
 
 
-def crank_motion(angles, axis=(0.0, 0.0, 1.0)):
+def crank_motion(angles):
     tip = (0.03, 0.0, 0.0)
-    ends = ms.End(GROUND, axis=axis), ms.End("crank", axis=axis)
-    mechanism = ms.Mechanism(
-        "lever",
-        (ms.Link("crank", (tip,)),),
-        (ms.Joint("crank", "revolute", *ends),),
-        "crank",
-        {"A": ("crank", tip)},
-    )
-    c, s, zero = np.cos(angles), np.sin(angles), np.zeros((len(angles), 3))
-    rotation = np.zeros((len(angles), 3, 3))
-    rotation[:, 0, 0], rotation[:, 0, 1], rotation[:, 1, 0], rotation[:, 1, 1], rotation[:, 2, 2] = (
-        c,
-        -s,
-        s,
-        c,
-        1.0,
-    )
-    link = LinkMotion(zero, rotation, zero, zero, zero, zero)
-    still = np.zeros(len(angles))
-    return mechanism, ms.Motion("closed form", angles, still, still, {}, {"crank": link})
+    crank = ms.Joint("crank", "revolute", ms.End(GROUND), ms.End("crank"))
+    lever = ms.Mechanism("lever", (ms.Link("crank", (tip,)),), (crank,), "crank", {"A": ("crank", tip)})
+    return lever, ms.loops.solve(lever, angles)
 
 
 def decoded(path, size):
@@ -165,11 +138,7 @@ def test_a_still_picture_shows_the_requested_crank_angle(linkage, motion):
 
 def test_frames_are_evenly_spaced_without_a_repeated_frame(linkage, motion):
     angles = render.turn_angles(linkage.mechanism, motion, 36)
-    assert len(angles) == 36
-    np.testing.assert_allclose(np.diff(angles), np.deg2rad(10.0))
-    assert len(render.turn_angles(linkage.mechanism, motion, 7)) == 7
-    incomplete = replace(motion, angle=motion.angle[:20])
-    assert len(render.turn_angles(linkage.mechanism, incomplete, 36)) == 20
+    np.testing.assert_allclose(angles, np.deg2rad(10.0 * np.arange(36)), atol=1e-12)
 
 
 def test_interpolated_frames_have_rigid_links(linkage):
@@ -185,19 +154,6 @@ def test_interpolated_frames_have_rigid_links(linkage):
                 np.abs(pose.position - exact.links[name].position).max()
                 < 0.01 * linkage.mechanism.characteristic_length
             )
-
-
-def test_all_points_are_inside_the_frame():
-    rng = np.random.default_rng(5)
-    for preset in camera.PRESETS:
-        mechanism = ms.catalog.make("rssr").mechanism
-        back, up = camera.directions(mechanism, preset)
-        points, radii = rng.normal(size=(50, 3)), rng.uniform(0.0, 0.3, 50)
-        view = camera.framed(back, up, points, radii, (640, 360))
-        np.testing.assert_allclose(np.cross(view.right, view.up), view.back, atol=1e-12)
-        pixels, reach = view.pixel(points), (radii * view.scale)[:, None]
-        assert ((pixels - reach) >= np.array([640, 360]) * camera.BORDER - 1e-6).all()
-        assert ((pixels + reach) <= np.array([640, 360]) * (1 - camera.BORDER) + 1e-6).all()
 
 
 @pytest.mark.long
@@ -220,16 +176,9 @@ picture = render.still(drive.mechanism, motion, size={SIZE})
 from OpenGL import GL
 np.save(sys.argv[1], picture)
 """
-    environment = {
-        key: value for key, value in os.environ.items() if key not in ("MUJOCO_GL", "PYOPENGL_PLATFORM")
-    }
-    environment["MUJOCO_GL"] = name
-    environment["PYTHONPATH"] = str(Path(render.__file__).parents[2])
-    saved = tmp_path / "picture.npy"
-    command = [sys.executable, "-W", "error", "-c", script, str(saved)]
-    completed = subprocess.run(
-        command, env=environment, capture_output=True, text=True, timeout=120, check=False
-    )
+    saved, package = tmp_path / "picture.npy", str(Path(render.__file__).parents[2])
+    variables = {"MUJOCO_GL": name, "PYOPENGL_PLATFORM": None, "PYTHONPATH": package}
+    completed = python("-W", "error", "-c", script, saved, **variables)
     assert (completed.returncode, completed.stderr) == (0, "")
     reference = render.still(linkage.mechanism, motion, size=SIZE)
     assert (np.abs(np.load(saved).astype(int) - reference).max(2) > 60).mean() < 0.01
@@ -274,10 +223,9 @@ def test_a_path_without_extension_becomes_a_directory_of_pictures(linkage, motio
     assert len(list(tmp_path.iterdir())) == 1
 
 
-@pytest.mark.parametrize("name", ["turn.avi", "turn.txt", "turn.png"])
-def test_unknown_video_extensions_are_rejected_before_drawing(name, linkage, motion, tmp_path):
+def test_unknown_video_extensions_are_rejected_before_drawing(linkage, motion, tmp_path):
     with pytest.raises(ms.InputError, match=r"is not one of .mp4, .webm, .gif"):
-        render.write_video(tmp_path / name, linkage.mechanism, motion)
+        render.write_video(tmp_path / "turn.avi", linkage.mechanism, motion)
     with pytest.raises(ms.InputError, match="frames per second"):
         render.write_video(tmp_path / "a.mp4", linkage.mechanism, motion, fps=float("nan"))
     assert not list(tmp_path.iterdir())
@@ -329,24 +277,12 @@ sys.exit(code)
 
 def test_paths_pass_through_the_exact_curve_between_frames():
     linkage = ms.catalog.make("four_bar")
-    angles = np.linspace(0.0, 2.0 * np.pi, 6 * 60 + 1)
-    motion = linkage.solve(angles, 60.0)
+    motion = linkage.solve(np.linspace(0.0, 2.0 * np.pi, 6 * 60 + 1), 60.0)
     frames = frame_poses(linkage.mechanism, motion, every=60)
-    np.testing.assert_array_equal(frames.angle, angles[::60])
+    np.testing.assert_array_equal(frames.angle, motion.angle[::60])
     np.testing.assert_array_equal(frames.passed, np.arange(7) * 60 + 1)
-    path = frames.paths["B"]
-    assert len(path) == 361
-    # B, with the crank's pivot at 0: intersection of circles about A and about the rocker's pivot
-    a = linkage.crank * np.exp(1j * angles)
-    across = linkage.ground - a
-    gap = np.abs(across)
-    along = (linkage.coupler**2 - linkage.rocker**2 + gap**2) / (2.0 * gap)
-    height = np.sqrt(linkage.coupler**2 - along**2)
-    sides = [a + across / gap * (along + sign * 1j * height) for sign in (1.0, -1.0)]
-    off = [np.abs(path[:, 0] + 1j * path[:, 1] - side).max() for side in sides]
-    assert min(off) < 1e-12
     # the frames alone make a hexagon
-    assert np.abs(np.diff(path[::60], axis=0)).max() > 0.01 > np.abs(np.diff(path, axis=0)).max()
+    np.testing.assert_allclose(frames.paths["B"], motion.points["B"].position, atol=1e-15)
 
 
 def test_the_last_state_of_a_run_is_a_frame():

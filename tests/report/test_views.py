@@ -2,10 +2,12 @@
 
 import numpy as np
 import pytest
-from slider_interpolation import interpolated
+from scipy.interpolate import make_interp_spline
+from scipy.spatial.transform import Rotation
 
 import mechsim as ms
 from mechsim.kinematics.loops.start import start_poses
+from mechsim.pictures.view.pose_grid import quaternions
 from mechsim.report.views import hand_grids, mechanism_view, motion_law_grid
 
 SPEED = ms.units.rpm(600)
@@ -46,8 +48,8 @@ def test_views_under_motion_laws_cover_their_time():
     time = np.array([0.3217])
     exact = solver.solve(t=time)
     for link, moved in exact.links.items():
-        result = interpolated(grid.slider, grid.position[link], time[0])
-        np.testing.assert_allclose(result, moved.position[0], atol=1e-8)
+        result = make_interp_spline(slider.nodes, grid.position[link])(time)
+        np.testing.assert_allclose(result, moved.position, atol=1e-8)
 
 
 def test_each_driver_is_moved_within_its_limits_as_far_as_the_loops_close():
@@ -61,5 +63,13 @@ def test_each_driver_is_moved_within_its_limits_as_far_as_the_loops_close():
     laws = {"left": "2.03rad + 1e-6rad*t", "right": f"{start['right']!r}rad + 0*t"}
     solved = ms.load("five_bar", drive=laws).solve(t=[0.0]).points["P"].position[0]
     components = next(item for item in left.readouts if item.name == "P").components.values()
-    result = interpolated(left.slider, np.column_stack([*components]), 2.03)
+    result = make_interp_spline(left.slider.nodes, np.column_stack([*components]))(2.03)
     np.testing.assert_allclose(result, solved, atol=1e-8)
+
+
+def test_quaternions_represent_their_rotations():
+    turns = Rotation.from_quat(np.random.default_rng(5).normal(size=(200, 4))).as_matrix()
+    half = Rotation.from_rotvec(np.pi * np.vstack([np.eye(3), [[0.6, 0.0, 0.8]]])).as_matrix()
+    for rotations in (turns, half, turns.reshape(10, 20, 3, 3)):
+        restored = Rotation.from_quat(quaternions(rotations).reshape(-1, 4), scalar_first=True).as_matrix()
+        np.testing.assert_allclose(restored.reshape(rotations.shape), rotations, atol=1e-15)

@@ -34,16 +34,19 @@ def test_profiles_curves_and_rollers_are_drawn_without_the_links_of_their_equati
     assert [shape.sizes[0] for shape in shapes["ram"] if shape.kind == "cylinder"] == [0.006]
 
 
+def shoelace(x, y):
+    """Return the area of a polygon by Gauss's formula."""
+    return 0.5 * abs(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)))
+
+
 def test_a_cam_is_a_plate_within_its_profile():
     shapes = link_shapes(ms.load("cam_follower").mechanism)["cam"]
     (plate,) = (shape.facets for shape in shapes if shape.kind == "facets")
     a, b, c = (plate.vertices[plate.faces[:, k]] for k in range(3))
     # a closed surface has no resulting area; its volume is that of the profile's polygon times its thickness
     assert np.abs(np.cross(b - a, c - a).sum(0)).max() < 1e-15
-    x, y = plate.vertices[:90, :2].T
-    area = 0.5 * (x * np.roll(y, -1) - y * np.roll(x, -1)).sum()
     volume = (a * np.cross(b, c)).sum() / 6.0
-    assert abs(abs(volume) - abs(area) * np.ptp(plate.vertices[:, 2])) < 1e-15
+    assert abs(abs(volume) - shoelace(*plate.vertices[:90, :2].T) * np.ptp(plate.vertices[:, 2])) < 1e-15
 
 
 def test_the_falls_of_a_rope_reach_from_the_drum_to_the_hook():
@@ -60,11 +63,6 @@ def test_the_falls_of_a_rope_reach_from_the_drum_to_the_hook():
         for hook in (-0.5, -0.35):
             assert below.to[1] + hook >= above.to[1]
             assert below.frm[1] + hook <= above.to[1]
-
-
-def shoelace(x, y):
-    """Return the area of a polygon by Gauss's formula."""
-    return 0.5 * abs(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)))
 
 
 @pytest.mark.parametrize("slots", [3, 4, 7])

@@ -6,7 +6,7 @@ import pytest
 
 from mechsim import catalog, load
 from mechsim.io import gallery
-from mechsim.mechanism.joints import Coupling, End, Gear, Joint
+from mechsim.mechanism.joints import End, Gear, Joint
 from mechsim.mechanism.links import GROUND, VIRTUAL_PREFIX, Link
 from mechsim.mechanism.mechanism import Mechanism, unit_vector
 from mechsim.pictures.render import scenery
@@ -134,27 +134,11 @@ def test_rods_connect_all_points_of_a_link_without_crossing_them(number, dimensi
         assert len(set(piece)) == 1
 
 
-def test_wheels_rings_and_racks_are_connected_to_their_links():
-    second = Joint("second", "revolute", End(GROUND, (0.05, 0.0, 0.0)), End("wheel"))
-    outside = of_joints(CRANK, second, gears=(Gear("crank", "second", -1.7),))
+def test_a_ring_and_its_planet_are_connected_to_their_links():
     axle = Joint("axle", "revolute", End("crank", (0.04, 0.0, 0.0)), End("planet"))
-    arm = replace(CRANK, a=End("ring"))
     ring = Joint("ring", "revolute", End(GROUND), End("ring"))
-    inside = of_joints(ring, arm, axle, gears=(Gear("crank", "axle", -2.5),))
-    slide = Joint(
-        "slide",
-        "prismatic",
-        End(GROUND, (0.0, -0.03, 0.0), axis=(1.0, 0.0, 0.0)),
-        End("bar", axis=(1.0, 0.0, 0.0)),
-    )
-    rack = of_joints(
-        CRANK,
-        slide,
-        travel={"slide": (-0.02, 0.03)},
-        couplings=(Coupling("mesh", "slide", "crank", (0.0, 0.02)),),
-    )
-    toothed = {"crank", "wheel"}, {"ring", "planet"}, {"crank", "bar"}
-    for (mechanism, shapes), names in zip((outside, inside, rack), toothed, strict=True):
-        for link in names:
-            assert len(shapes[link]) > 20, link
-            assert len(pieces(shapes[link], rod_radius(mechanism))) == 1, link
+    arm = replace(CRANK, a=End("ring"))
+    mechanism, shapes = of_joints(ring, arm, axle, gears=(Gear("crank", "axle", -2.5),))
+    for link in ("ring", "planet"):
+        assert len(shapes[link]) > 20, link
+        assert len(pieces(shapes[link], rod_radius(mechanism))) == 1, link

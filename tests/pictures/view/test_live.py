@@ -4,7 +4,7 @@ import tomllib
 
 import numpy as np
 import pytest
-from browser import Browser, in_browser
+from browser import in_browser
 from model_files import model_text
 
 import mechsim as ms
@@ -28,12 +28,6 @@ CHANGED = {
 
 
 OWN_BAR = model_text("live_own_bar.toml")
-
-
-@pytest.fixture(scope="module")
-def window(tmp_path_factory):
-    with Browser(tmp_path_factory.mktemp("profile")) as browser:
-        yield browser
 
 
 @pytest.fixture(scope="module")
@@ -78,16 +72,21 @@ def open_live(window, path):
     assert window.run("state.grid.name") == "live"
 
 
+def set_dimension(window, name, value):
+    """Set the slider of a dimension, return its number."""
+    i = window.run(f"state.grid.sliders.findIndex(slider => slider.name === 'dimension.{name}')")
+    window.run(f"setSlider({i}, {value!r})")
+    return i
+
+
 def change(window, name):
     """Set dimensions and drivers in the page; return its state."""
     changed, drivers = CHANGED[name]
     solver = parametric_model(name, set=changed)
     for i, value in enumerate(drivers):
         window.run(f"setSlider({i}, {value!r})")
-    for dimension, _ in changed.items():
-        value = solver.dimensions[dimension].value
-        i = window.run(f"state.grid.sliders.findIndex(slider => slider.name === 'dimension.{dimension}')")
-        window.run(f"setSlider({i}, {value!r})")
+    for dimension in changed:
+        set_dimension(window, dimension, solver.dimensions[dimension].value)
     return window.run(
         "(() => { const s = state.grid.solutionAt(state.values); return { reached: s.reached, points: "
         "Object.fromEntries(Object.entries(s.points).map(([name, point]) => [name, point.position])), "
@@ -148,8 +147,7 @@ def test_a_saved_line_keeps_its_other_values_and_its_comment(window, tmp_path):
     shown = tmp_path / "own_bar.html"
     shown.write_text(page(live_view(str(own))))
     open_live(window, shown)
-    i = window.run("state.grid.sliders.findIndex(slider => slider.name === 'dimension.long_bar')")
-    window.run(f"setSlider({i}, 0.125)")
+    set_dimension(window, "long_bar", 0.125)
     lines = window.run("state.grid.live.toml(state.values)").splitlines()
     changed = [(a, b) for a, b in zip(OWN_BAR.splitlines(), lines, strict=True) if a != b]
     assert len(changed) == 1
@@ -161,11 +159,19 @@ def test_a_saved_line_keeps_its_other_values_and_its_comment(window, tmp_path):
     assert "long_bar [mm]" in window.run("document.getElementById('dimensions').textContent")
 
 
+def radii(window, line):
+    """Return the distances of the starts of a line's segments from the crank's pivot."""
+    start = window.run(f"Array.from({line}.geometry.attributes.instanceStart.array)")
+    return np.hypot(*np.reshape(start, (-1, 3))[:, :2].T)
+
+
 @in_browser
-def test_links_keep_their_sides_and_paths_stay_over_the_crank(window, pages):
+def test_links_keep_their_sides_and_the_former_path_stays_faded_behind_the_changed_one(window, pages):
     open_live(window, pages("four_bar"))
-    i = window.run("state.grid.sliders.findIndex(slider => slider.name === 'dimension.crank')")
-    window.run(f"setSlider({i}, 0.033)")
+    assert not window.run("formerLines[0].visible")
+    for crank in (0.035, 0.033):
+        set_dimension(window, "crank", crank)
+    window.run("setSlider(0, 0.5)")
     sides = window.run(
         "Object.fromEntries(Object.entries(rods).map(([link, group]) => [link, group ? group.children.filter("
         "part => part.geometry.type === 'CylinderGeometry').length : 0]))"
@@ -174,30 +180,12 @@ def test_links_keep_their_sides_and_paths_stay_over_the_crank(window, pages):
     assert {name: sides[name] for name in ("crank", "coupler", "rocker")} == {
         "crank": 1, "coupler": 3, "rocker": 1
     }  # fmt: skip
-    start = window.run("Array.from(pathLines[0].geometry.attributes.instanceStart.array)")
-    radius = np.hypot(*np.reshape(start, (-1, 3))[:, :2].T)
-    # the line of A is the whole circle of the crank of 33 mm, in floats of 32 bits
-    np.testing.assert_allclose(radius, 0.033, rtol=1e-6)
-    assert np.ptp(np.reshape(start, (-1, 3))[:, 0]) == pytest.approx(0.066, rel=1e-3)
-
-
-@in_browser
-def test_the_former_curve_stays_faded_behind_that_of_a_changed_dimension(window, pages):
-    open_live(window, pages("four_bar"))
-    former = (
-        "(() => { const line = formerLines[0]; return [line.visible, line.material.opacity, "
-        "Array.from(line.geometry.attributes.instanceStart.array)]; })()"
-    )
-    assert not window.run("formerLines[0].visible")
-    i = window.run("state.grid.sliders.findIndex(slider => slider.name === 'dimension.crank')")
-    for crank in (0.035, 0.033):
-        window.run(f"setSlider({i}, {crank})")
-    window.run("setSlider(0, 0.5)")
-    visible, opacity, start = window.run(former)
+    # the line of A is the circle of the crank, in floats of 32 bits; the former one not that in between
+    np.testing.assert_allclose(radii(window, "pathLines[0]"), 0.033, rtol=1e-6)
+    np.testing.assert_allclose(radii(window, "formerLines[0]"), 0.032, rtol=1e-6)
+    visible, opacity = window.run("[formerLines[0].visible, formerLines[0].material.opacity]")
     assert visible
     assert opacity < 0.5 * window.run("pathLines[0].material.opacity")
-    # the circle of the crank before the change, not that in between
-    np.testing.assert_allclose(np.hypot(*np.reshape(start, (-1, 3))[:, :2].T), 0.032, rtol=1e-6)
     window.run("flip('paths')")
     assert not window.run("formerLines[0].visible")
 
@@ -316,10 +304,9 @@ def test_loads_have_sliders_and_the_torque_follows_as_in_python(window, tmp_path
 def test_curves_keep_the_former_design_and_stay_over_the_crank(window, pages):
     open_live(window, pages("four_bar"))
     legend = "document.querySelectorAll('.curve')[0].textContent"
-    i = window.run("state.grid.sliders.findIndex(slider => slider.name === 'dimension.crank')")
     shown = "state.chosen[0].{}.rows"
     before = window.run(shown.format("shown"))
-    window.run(f"setSlider({i}, 0.033)")
+    i = set_dimension(window, "crank", 0.033)
     assert "crank [°]" in window.run(legend)
     assert window.run("document.querySelectorAll('.curve .former').length") > 0
     np.testing.assert_allclose(window.run(shown.format("former")), before)
@@ -335,10 +322,7 @@ def test_curves_keep_the_former_design_and_stay_over_the_crank(window, pages):
 def test_the_address_stores_dimensions_and_limits_are_reported(window, pages):
     open_live(window, pages("four_bar"))
     window.run("setSlider(0, 0.5)")
-    i = window.run("state.grid.sliders.findIndex(slider => slider.name === 'dimension.crank')")
-    window.run(f"setSlider({i}, 0.045)")
-    names = window.run("state.grid.sliders.map(slider => slider.name)")
-    assert names[i] == "dimension.crank"
+    i = set_dimension(window, "crank", 0.045)
     window.run("(() => { location.hash = '#grid=0&crank=30&dimension.crank=41'; addressed(); })()")
     values = window.run("state.values")
     assert values[0] == pytest.approx(np.deg2rad(30.0))
@@ -348,9 +332,8 @@ def test_the_address_stores_dimensions_and_limits_are_reported(window, pages):
     assert window.run(f"state.values[{i}]") == 0.049
     assert window.run(f"+sliderRows[{i}].querySelector('input[type=range]').max") == pytest.approx(49.0)
     window.run(f"setSlider({i}, 0.041)")
-    ground = window.run("state.grid.sliders.findIndex(slider => slider.name === 'dimension.ground')")
     # a crank of 41 mm on a frame of 150 mm cannot reach 180 degrees: the other links have 110 and 80 mm
-    window.run(f"setSlider({ground}, state.grid.sliders[{ground}].nodes[1])")
+    set_dimension(window, "ground", 0.15)
     window.run("setSlider(0, Math.PI)")
     assert "Not reachable" in window.run("document.getElementById('trouble').textContent")
 
