@@ -23,8 +23,9 @@ from mechsim.kinetics.state_quantities import joined_configurations
 from mechsim.numerics.arrays import Array
 
 # longest and shortest step along a curve, in [rad] or characteristic lengths, and length on either side of
-# the start at which an open curve ends, such as that of a slider
-STEP, SHORTEST_STEP, MAX_LENGTH = 0.1, 1e-5, 30.0
+# the start at which an open curve ends, such as that of a slider; and number of coordinates above which the
+# longest step and this length grow with the square root of the number, so that each moves as far
+STEP, SHORTEST_STEP, MAX_LENGTH, FEW = 0.1, 1e-5, 30.0, 10
 # largest deviation of a step from its tangent, relative to its length
 MAX_DEVIATION = 0.3
 # most halvings of an interval, down to 1e-10 of a step, and points at which a cubic is looked at
@@ -66,10 +67,27 @@ class EquilibriumCurve:
         still = np.zeros((len(u), 1))
         return displaced_states(self.equations, self.q.select(interval), bases, u[:, None], still)[0].q
 
+    def forces_at_ends(self) -> tuple[Array, Array]:
+        """Return the forces and their derivatives at both ends of all intervals, (2, n) each.
+
+        The end of an interval is the start of the next one in its direction, but along its own tangent.
+        """
+        n, count = len(self.lengths), len(self.lengths) if self.forward is None else self.forward
+        force, derivative = np.empty((2, 2, n))
+        force[0], derivative[0], _ = self._forces_at(self.q, self.tangents, self.tangents)
+        cosines = (self.tangents[1:] * self.tangents[:-1]).sum(1)
+        force[1, :-1], derivative[1, :-1] = force[0, 1:], derivative[0, 1:] / cosines
+        last = np.unique([count - 1, n - 1])
+        force[1, last], derivative[1, last], _ = self.forces(last, self.lengths[last])
+        return force, derivative
+
     def forces(self, interval: NDArray[np.intp], u: Array) -> tuple[Array, Array, Array]:
         """Return the force along the curve, its derivative by u, and its rounding, (k,) each."""
         q, tangents = self.configurations(interval, u), self.tangents[interval]
-        basis, _ = tangents_next_to(self.equations, q, tangents)
+        return self._forces_at(q, tangents_next_to(self.equations, q, tangents)[0], tangents)
+
+    def _forces_at(self, q: Coordinates, basis: Array, tangents: Array) -> tuple[Array, Array, Array]:
+        """Return the same in n configurations with unit tangents `basis`, by displacements along others."""
         forces = reduced_forces(self.equations, q, basis[..., None])
         derivative = -forces.stiffness[:, 0, 0] / (basis * tangents).sum(1)
         return forces.force[:, 0], derivative, forces.rounding
@@ -78,11 +96,16 @@ class EquilibriumCurve:
         """Return whether a configuration lies on the curve."""
         for k in range(len(self.q)):
             away = difference(self.equations, self.q.select(np.array([k])), q)
-            if np.linalg.norm(away) <= 2.0 * STEP:
+            if np.linalg.norm(away) <= 2.0 * STEP * _breadth(self.equations):
                 nearest = self.configurations(np.array([k]), np.array([away @ self.tangents[k]]))
                 if np.abs(difference(self.equations, nearest, q)).max(initial=0.0) <= SHORTEST_STEP:
                     return True
         return False
+
+
+def _breadth(equations: EquationsOfMotion) -> float:
+    """Return the displacement of all coordinates relative to that of `FEW`, at least 1."""
+    return float(np.sqrt(max(len(equations.free), FEW) / FEW))
 
 
 def curve_through(equations: EquationsOfMotion, q: Coordinates) -> EquilibriumCurve:
@@ -103,8 +126,9 @@ def _one_way(
 ) -> tuple[list[Coordinates], list[Array], list[float], bool]:
     """Return nodes, tangents and interval lengths in one direction, and whether the curve returned."""
     nodes, tangents, lengths = [start], [tangent], list[float]()
-    step = STEP
-    while sum(lengths) < MAX_LENGTH and step >= SHORTEST_STEP:
+    breadth = _breadth(equations)
+    longest = step = STEP * breadth
+    while sum(lengths) < MAX_LENGTH * breadth and step >= SHORTEST_STEP:
         q, along = nodes[-1], tangents[-1]
         to_start = difference(equations, q, start)
         ahead, distance = float(along @ to_start), float(np.linalg.norm(to_start))
@@ -122,7 +146,7 @@ def _one_way(
             step *= 0.5
             continue
         nodes, tangents, lengths = [*nodes, moved.q], [*tangents, new[0]], [*lengths, step]
-        step = min(STEP, 2.0 * step)
+        step = min(longest, 2.0 * step)
     return nodes[:-1], tangents[:-1], lengths, False
 
 
@@ -137,9 +161,7 @@ def tangents_next_to(equations: EquationsOfMotion, q: Coordinates, reference: Ar
 def equilibria_on(curve: EquilibriumCurve) -> Coordinates | None:
     """Return the configurations of a curve without generalised force, one of a stretch; None without any."""
     interval, ends = np.arange(len(curve.lengths)), np.stack([np.zeros_like(curve.lengths), curve.lengths])
-    force, derivative, _ = (
-        np.stack(pair) for pair in zip(*(curve.forces(interval, u) for u in ends), strict=True)
-    )
+    force, derivative = curve.forces_at_ends()
     largest = np.abs(force[np.isfinite(force)]).max(initial=0.0)
     located: list[tuple[NDArray[np.intp], Array]] = []
     without_force: list[tuple[NDArray[np.intp], Array]] = []

@@ -18,12 +18,7 @@ from mechsim.kinetics.compiled_model import CompiledModel
 from mechsim.kinetics.compiled_motion import DenseSteps, evaluated
 from mechsim.kinetics.contacts import CLOSED_GAP, ContactMode, EventFunction, Stop, gap_indices, stops_of
 from mechsim.kinetics.crank_turns import TURNS_BUDGET, CrankTurns
-from mechsim.kinetics.equations_of_motion import (
-    EquationsOfMotion,
-    Kinematics,
-    conditionings,
-    equations_of_motion,
-)
+from mechsim.kinetics.equations_of_motion import EquationsOfMotion, Kinematics, equations_of_motion
 from mechsim.kinetics.forward_dynamics import BUDGET, UNTIL, Executed, Integration, Piece, Trajectory
 from mechsim.kinetics.gaps import GAP, gaps_of, released
 from mechsim.kinetics.initial_state import InitialValues, StateLayout, initial_state, projected
@@ -526,7 +521,7 @@ def require_regular(state: Kinematics) -> None:
     """Raise InputError for a singular initial configuration: the motion from it is undetermined."""
     equations = state.equations
     limit = SINGULAR_START * float(np.linalg.norm(state.jacobian))
-    if equations.rank and conditionings(equations, state)[0] < limit:
+    if equations.rank and state.conditioning[0] < limit:
         raise InputError(
             f"{equations.model.mechanism.name}: the initial configuration is singular, as a change point is: "
             "assembly modes meet there, and the motion is not determined; start next to it"

@@ -49,6 +49,7 @@ from mechsim.mechanism.motion_laws import State
 from mechsim.mechanism.nonlinear_springs import Phases
 from mechsim.numerics.arrays import Array, cross
 from mechsim.numerics.jets import stepped_sizes
+from mechsim.numerics.rank import rank as rank_of
 from mechsim.numerics.rank import right_vectors, significant
 
 # step of the central difference for the rate of a friction direction, in units of the coordinates; the
@@ -100,6 +101,19 @@ class Kinematics:
         The rows of prescribed coordinates are last.
         """
         return constraint_jacobians(self.equations, self.q, poses=self.poses)
+
+    @cached_property
+    def conditioning(self) -> Array:
+        """Smallest singular value of the loop constraints, (n,); 1 without loops.
+
+        It is NaN where the loop equations are, as beyond the table of a coupling.
+        """
+        rank, n = self.equations.rank, len(self.q)
+        if not rank:
+            return np.ones(n)
+        result, finite = np.full(n, np.nan), np.isfinite(self.jacobian).all((1, 2))
+        result[finite] = np.linalg.svd(self.jacobian[finite], compute_uv=False)[:, rank - 1]
+        return result
 
     @cached_property
     def gamma(self) -> Array:
@@ -425,7 +439,8 @@ class EquationsOfMotion:
 
     def energy(self, state: Kinematics) -> tuple[float, float]:
         """Return kinetic and potential energy of one state in [J]."""
-        kinetic = kinetic_energy(state.mass, state.rates[self.free].T)[0]
+        twist, rates = self.of_links(state.twist), state.rates[self.free, 0]
+        kinetic = 0.5 * (np.einsum("nli,nlij,nlj", twist, state.inertia, twist) + rates @ self.rotors @ rates)
         springs = zip(self.model.forces.nonlinear_springs, self.spring_lengths(state)[0], strict=True)
         stored = sum(spring.law.energy(lengths) for spring, lengths in springs)
         potential = applied(self.model, state.unit).energy + stored
@@ -457,18 +472,26 @@ class EquationsOfMotion:
 
     @cached_property
     def rank(self) -> int:
-        """Numerical rank of the loop constraints, at the start or next to it: the start may be singular."""
-        (jacobian,) = constraint_jacobians(self, self.start)
+        """Numerical rank of the loop constraints, at the start or next to it: the start may be singular.
+
+        It is not if they have no higher rank where all free coordinates are displaced and the loops open.
+        """
+        steps = np.zeros((self.loops.tree.count, 2))
+        steps[self.free, 1] = NEXT_TO_START * np.cos(1.0 + np.arange(len(self.free)))
+        both = self.loops.displaced(self.start.repeated(2), steps)
+        jacobian, displaced = constraint_jacobians(self, both)
         if not jacobian.size:
             return 0
         values, basis = right_vectors(jacobian)
-        rank, step = int(significant(values).sum()), np.zeros((self.loops.tree.count, 1))
+        rank = int(significant(values).sum())
+        if np.isfinite(displaced).all() and rank_of(displaced) <= rank:
+            return rank
+        step = np.zeros((self.loops.tree.count, 1))
         step[self.free, 0] = NEXT_TO_START * basis[rank:].sum(0)
         moved, gap = close_nearest(self.loops, self.loops.displaced(self.start, step))
         if not (gap <= CLOSED).all():
             return rank
-        values = np.linalg.svd(constraint_jacobians(self, moved)[0], compute_uv=False)
-        return max(rank, int(significant(values).sum()))
+        return max(rank, rank_of(constraint_jacobians(self, moved)[0]))
 
     def spring_lengths(self, state: Kinematics) -> tuple[Array, Array]:
         """Return lengths and rates of the nonlinear springs, (springs, n) each."""
@@ -582,19 +605,6 @@ def constraint_jacobians(
     """Return the Jacobians (n, rows, free) of the loops, prescribed coordinates and further locked ones."""
     jacobian = equations.loops.linearise(q, poses)[1][:, equations.free].transpose(2, 0, 1)
     return with_locked_rows(equations, jacobian, [*equations.prescribed_indices, *locked])
-
-
-def conditionings(equations: EquationsOfMotion, state: Kinematics) -> Array:
-    """Return the smallest singular value of the loop constraints of n states, (n,); 1 without loops.
-
-    It is NaN where the loop equations are, as beyond the table of a coupling.
-    """
-    if not equations.rank:
-        return np.ones(len(state.q))
-    result, finite = np.full(len(state.q), np.nan), np.isfinite(state.jacobian).all((1, 2))
-    values: Array = np.linalg.svd(state.jacobian[finite], compute_uv=False).astype(np.float64)
-    result[finite] = values[:, equations.rank - 1]
-    return result
 
 
 def equations_of_motion(

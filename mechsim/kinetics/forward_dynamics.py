@@ -41,7 +41,7 @@ from mechsim.kinetics.contacts import (
     Stop,
     closing_instant,
 )
-from mechsim.kinetics.equations_of_motion import EquationsOfMotion, Kinematics, conditionings
+from mechsim.kinetics.equations_of_motion import EquationsOfMotion, Kinematics
 from mechsim.kinetics.initial_state import StateLayout
 from mechsim.kinetics.link_forces import kinetic_energy
 from mechsim.kinetics.right_hand_side import RightHandSide, crossing
@@ -237,7 +237,7 @@ class Integration:
         self.pieces: list[Piece] = []
         self.events: list[float] = []
         self.steps = 0
-        self.regular = self.nearest = SINGULAR * float(conditionings(equations, start)[0])
+        self.regular = self.nearest = SINGULAR * float(start.conditioning[0])
         self.implicit, self.duration, self.decay = False, np.inf, 0.0
         # the model in C, and the same while it integrates
         self.in_c: CompiledModel | None = None

@@ -242,10 +242,16 @@ def linear_model(equations: EquationsOfMotion, q: Coordinates, *, isolated: bool
     error = SAFETY * np.abs(around.stiffness - stiffness).max(0, initial=0.0) + exact.stiffness_rounding[0]
     rates = np.zeros((equations.loops.tree.count, dof))
     rates[equations.free] = basis
+    moving = equations.kinematics(q.repeated(dof), rates)
+    twist = equations.of_links(moving.twist)
+    twist, momentum = (
+        each.reshape(dof, 6 * len(equations.links))
+        for each in (twist, (moving.inertia @ twist[..., None])[..., 0])
+    )
+    mass = twist @ momentum.T + basis.T @ equations.rotors @ basis
     rates = stepped(0.0 * rates, rates)
     still = equations.loops.displaced(q.repeated(dof), 0.0 * rates)
     forces, _ = equations.smooth_forces(equations.kinematics(still, rates))
-    mass = basis.T @ equations.kinematics(q, np.zeros_like(q.values)).mass[0] @ basis
     return LinearModel(equations, q, basis, mass, -basis.T @ change_of(forces).T, stiffness, error)
 
 

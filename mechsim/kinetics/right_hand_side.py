@@ -7,7 +7,7 @@ import numpy as np
 
 from mechsim.errors import AssemblyError, FrictionError, InputError
 from mechsim.kinetics.contacts import ContactMode, Contacts
-from mechsim.kinetics.equations_of_motion import EquationsOfMotion, Kinematics, conditionings
+from mechsim.kinetics.equations_of_motion import EquationsOfMotion, Kinematics
 from mechsim.kinetics.initial_state import StateLayout, projected
 from mechsim.kinetics.linearization import directions_within
 from mechsim.numerics.arrays import Array
@@ -50,7 +50,7 @@ class RightHandSide:
 
     def conditioning(self, state: Array) -> float:
         """Return the smallest singular value of the loop constraints at a state."""
-        return float(conditionings(self.equations, self.kinematics(state[None]))[0])
+        return float(self.kinematics(state[None]).conditioning[0])
 
     def derivatives(self, times: Array, states: Array) -> Array:
         """Return the derivatives of n states.
@@ -62,7 +62,7 @@ class RightHandSide:
         kinematics = self.kinematics(states)
         if not np.isfinite(kinematics.jacobian).all():
             return np.full_like(states, np.nan)
-        if self.nearest and (conditionings(self.equations, kinematics) < self.nearest).any():
+        if self.nearest and (kinematics.conditioning < self.nearest).any():
             # the integrator then rejects the step
             self.blocked = True
             return np.full_like(states, np.nan)

@@ -262,11 +262,14 @@ def _searched(
     equations: EquationsOfMotion, q: Coordinates, starts: int, assemblies: int, random: np.random.Generator
 ) -> list[tuple[Coordinates, bool]] | None:
     """Return equilibria, and whether they are reached along the motion; None if everything is at rest."""
-    starting = [*_starts(equations, q, starts, assemblies, random)]
+    on_curve = starts > 0 and independent_rates(equations, q).shape[1] == 1
+    # the curve leads through all steps: they only show whether everything is at rest
+    alone = on_curve and equations.loops.rows and not assemblies and not all_at_rest(equations, q)
+    starting = [*_starts(equations, q, 0 if alone else starts, assemblies, random)]
     if all_at_rest(equations, joined_configurations([each for each, _ in starting])):
         return None
-    if starts and independent_rates(equations, q).shape[1] == 1:
-        starting = _on_curves(equations, [starting[0], *starting[starts + 1 :]])
+    if on_curve:
+        starting = _on_curves(equations, starting[:1] if alone else [starting[0], *starting[starts + 1 :]])
     if not starting:
         return []
     downhill = np.repeat([False, True], len(starting))

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +27,7 @@ from mechsim.mechanism.motion import Motion, select_instants
 from mechsim.numerics.arrays import EPS, Array
 from mechsim.numerics.resources import Progress, no_progress
 from mechsim.simulation.dynamics.forward_run import SteppedRun, start_of
-from mechsim.simulation.dynamics.static_state import static_state
+from mechsim.simulation.dynamics.static_state import StaticModel
 from mechsim.simulation.mjcf.link_inertias import with_accepted_inertia
 from mechsim.simulation.result import Driven
 
@@ -399,8 +400,7 @@ def crosscheck_equilibrium(equilibrium: Equilibrium, model: DynamicModel) -> Ver
     at_rest = linear.equations.kinematics(linear.q, np.zeros((len(linear.q.values), 1)))
     links = motion_of(linear.equations, at_rest, at_rest.rates, np.zeros(1)).links
     try:
-        forces = with_stops(model.forces, equilibrium.stops)
-        state = static_state(model.mechanism, forces, coordinates, links)
+        state = _static_model(model, tuple(equilibrium.stops.items())).state(coordinates, links)
     except AssemblyError as error:
         return Verdict("cannot assemble", (), str(error))
     exact = linear.roots.values
@@ -421,6 +421,12 @@ def crosscheck_equilibrium(equilibrium: Equilibrium, model: DynamicModel) -> Ver
         for distance, value, error in zip(distances.min(0), state.eigenvalues, errors, strict=True)
     ]
     return concluded(checks)
+
+
+@lru_cache(maxsize=1)
+def _static_model(model: DynamicModel, stops: tuple[tuple[str, float], ...]) -> StaticModel:
+    """Return a model in MuJoCo under its loads and forces of stops: the last one of the same model."""
+    return StaticModel(model.mechanism, with_stops(model.forces, dict(stops)))
 
 
 def _eigenvalue_check(name: str, error: float, value: complex, uncertainty: float) -> Check:

@@ -84,9 +84,9 @@ def test_the_correction_is_no_larger_than_the_error():
     assert 0.3e-6 < largest_change(result)[1] < 3e-6 * (1.0 + 1e-6)
 
 
-def row_of_four_bars(count: int) -> ms.Mechanism:
+def row_of_four_bars(count: int, uneven: float = 0.2) -> ms.Mechanism:
     """Return four-bars in a row, of which the rocker of each is the crank of the next."""
-    tips = [(i + 0.2 * (-1.0) ** i, 1.0 + 0.1 * (i % 3), 0.0) for i in range(count + 1)]
+    tips = [(i + uneven * (-1.0) ** i, 1.0 + 0.5 * uneven * (i % 3), 0.0) for i in range(count + 1)]
     joints = [
         ms.Joint(
             f"A{i}",

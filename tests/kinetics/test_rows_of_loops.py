@@ -78,6 +78,11 @@ def test_equilibria_of_a_row_by_sparse_loops_are_those_of_whole_matrices(monkeyp
             assert abs(mode.eigenvalue - other.eigenvalue) <= 1e-8 * abs(other.eigenvalue)
 
 
+def test_minima_and_maxima_of_the_potential_alternate_around_the_curve_of_a_long_row():
+    stable = [each.stable for each in equilibria(dynamic_model(row_of_four_bars(50, 0.02)), starts=1)]
+    assert 2 * sum(stable) == len(stable) > 0
+
+
 def test_forces_of_a_row_in_mujoco_by_sparse_loops_are_those_of_whole_matrices(monkeypatch):
     records = []
     for least in (1, 1000):

@@ -9,7 +9,7 @@ import numpy as np
 
 from mechsim.errors import AssemblyError
 from mechsim.kinematics.loops.constraints import CutGroup, TreeLoops, axes_aligned, axis_cosines, tree_loops
-from mechsim.kinematics.loops.kinematics import Coordinates, link_poses
+from mechsim.kinematics.loops.kinematics import Coordinates, LinkPoses, link_poses
 from mechsim.kinematics.vector_method.rotations import from_quaternion
 from mechsim.mechanism.joint_kinds import FIXED, KINDS, antiparallel_message
 from mechsim.mechanism.joints import End, Joint, joint_coordinate
@@ -262,6 +262,11 @@ class _Assembly:
     searched: bool = False
 
     @cached_property
+    def poses(self) -> LinkPoses:
+        """Poses of the links."""
+        return link_poses(self.loops.tree, self.q)
+
+    @cached_property
     def distance(self) -> float:
         """Largest distance of links from their guess, and of coordinates from their stated values.
 
@@ -270,7 +275,7 @@ class _Assembly:
         if not self.loops.rows:
             return 0.0
         tree, worst = self.loops.tree, 0.0
-        poses = link_poses(tree, self.q)
+        poses = self.poses
         for name, pose in tree.mechanism.guess.items():
             i = tree.links[name]
             distance = float(np.linalg.norm(poses.position[i, :, 0] - pose.position)) / tree.length
@@ -333,17 +338,17 @@ def _nearest(mechanism: Mechanism, stated: Mapping[str, float]) -> _Assembly:
     for poses in _initial_guesses(mechanism):
         loops, initial = tree_loops(mechanism, poses, initial_coordinates(mechanism, poses))
         try:
-            q = _next_to_stated(loops, closed(loops, initial), stated)
+            assembly = _Assembly(loops, _next_to_stated(loops, closed(loops, initial), stated), stated)
             # the equations only require parallel axes and references
-            for name, column, cosine in axis_cosines(loops, link_poses(loops.tree, q)):
+            for name, column, cosine in axis_cosines(loops, assembly.poses):
                 if cosine[0] < 0.0:
                     raise AssemblyError(f"{loops.name}: {antiparallel_message(name, column)}")
         except AssemblyError as failure:
             error = error or failure
             continue
-        candidates.append(_Assembly(loops, q, stated))
-        if candidates[-1].distance < MAX_DISTANCE and _regular(loops, initial):
-            return candidates[-1]
+        if assembly.distance < MAX_DISTANCE and _regular(loops, initial):
+            return assembly
+        candidates.append(assembly)
     poses = guessed_poses(mechanism)
     loops, initial = tree_loops(mechanism, poses, initial_coordinates(mechanism, poses))
     searched = _next_to_stated(loops, all_closed(loops, disturbed(loops, initial)), stated)
@@ -398,13 +403,10 @@ def _regular(loops: TreeLoops, initial: Coordinates) -> bool:
 
     From a singular start, such as links in line, rounding decides which assembly Newton's method finds.
     """
-    if not loops.rows:
+    if np.abs(loops.linearise(initial)[0]).max(initial=0.0) < NEARLY_CLOSED:
         return True
     q = disturbed(loops, initial).select(np.array([0, 1]))
-    residual, jacobian, _ = loops.linearise(q)
-    if np.abs(residual[:, 0]).max(initial=0.0) < NEARLY_CLOSED:
-        return True
-    start, nearby = jacobian[:, loops.unknown].transpose(2, 0, 1)
+    start, nearby = loops.linearise(q)[1][:, loops.unknown].transpose(2, 0, 1)
     return rank(start, BRANCH_CUTOFF) == rank(nearby, BRANCH_CUTOFF)
 
 

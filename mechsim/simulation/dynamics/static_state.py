@@ -58,68 +58,78 @@ class StaticState:
     errors: Array
 
 
-@quiet()
-def static_state(
-    mechanism: Mechanism,
-    forces: Forces,
-    coordinates: Mapping[str, float],
-    links: Mapping[str, LinkMotion] = NO_LINKS,
-) -> StaticState:
-    """Return MuJoCo's accelerations from rest and the eigenvalues of small motions, by finite differences.
+class StaticModel:
+    """A mechanism under its loads in MuJoCo, at rest in any of its configurations.
 
     Dry friction is left out; time-dependent loads have their values at time zero.
 
     Args:
         mechanism: links without an inertia are rods.
         forces: applied forces.
-        coordinates: of all joints with one degree of freedom, in [m] or [rad], not wrapped.
-        links: link -> its motion, whose first instant gives the rotations of spherical joints.
-
-    Raises:
-        AssemblyError: if MuJoCo's loops do not close at these coordinates.
     """
-    smooth = tuple(friction.smooth for friction in forces.friction)
-    model = free_model(mechanism, replace(forces, friction=smooth), set())
-    loops = model.loops
-    values = without_cuts(model, coordinates)
-    qpos = model.qpos.copy()
-    set_rotations(model.model, qpos, links)
-    qpos = closed_near(model, loops, qpos, *dofs_of(model, values), np.array([*values.values()]))
-    jacobian = loops.linearise(qpos[None])[1][0] * loops.scale[:, None] * loops.units
-    basis = null_space(jacobian).T if len(jacobian) else np.eye(model.model.nv)
-    rest, dof = np.zeros(model.model.nv), basis.shape[1]
-    directions = (loops.units[:, None] * basis).T
 
-    @cache
-    def moved(step: float) -> Array:
-        """Return the nearest closed states after steps forwards and backwards along each, (2 dof, nq)."""
-        steps = step * np.repeat(directions, 2, 0) * np.tile([1.0, -1.0], dof)[:, None]
-        states = loops.displaced(np.repeat(qpos[None], 2 * dof, 0), steps)
-        return loop_jacobian.close(loops, states, nearest_steps(loops))
+    @quiet()
+    def __init__(self, mechanism: Mechanism, forces: Forces) -> None:
+        smooth = tuple(friction.smooth for friction in forces.friction)
+        self.model = free_model(mechanism, replace(forces, friction=smooth), set())
+        self.solved = [
+            _Accelerations(self.model, compliance)
+            for compliance in (COMPLIANCES if len(self.model.loops.scale) else COMPLIANCES[-1:])
+        ]
 
-    def differences(accelerations: _Accelerations, step: float) -> Array:
-        """Return the central differences by displacements, then by rates, (dof, 2 dof)."""
-        by_displacement = [accelerations.along_basis(each, rest) for each in moved(step)]
-        by_rate = [[accelerations.along_basis(qpos, sign * step * d) for sign in (1, -1)] for d in directions]
-        values = np.array([*by_displacement, *np.reshape(by_rate, (-1, dof))]).reshape(2 * dof, 2, dof)
-        return (values[:, 0] - values[:, 1]).T / (2.0 * step)
+    @quiet()
+    def state(
+        self, coordinates: Mapping[str, float], links: Mapping[str, LinkMotion] = NO_LINKS
+    ) -> StaticState:
+        """Return MuJoCo's accelerations from rest and the eigenvalues of small motions, by differences.
 
-    solved = [_Accelerations(model, basis, c) for c in (COMPLIANCES if len(jacobian) else COMPLIANCES[-1:])]
-    measured = [extrapolated_derivative(partial(differences, accelerations)) for accelerations in solved]
-    errors = [error + np.abs(after - before) for (before, _), (after, error) in pairwise(measured)]
-    errors = errors or [measured[0][1]]
-    best = min(range(-len(errors), 0), key=lambda k: errors[k].max(initial=0.0))
-    derivatives, error, data = measured[best][0], errors[best], solved[best].data
-    at_rest = solved[best].along_basis(qpos, rest)
-    mass = directions @ mass_matrix(data) @ directions.T
-    rounding = EPS * (np.linalg.cond(mass) if dof else 0.0)
-    without_loops = data.qacc_smooth / loops.units if len(jacobian) else rest
-    unconstrained = float(np.abs(without_loops).max(initial=0.0))
-    # loops cancel accelerations, also where no force remains along a family of equilibria
-    error = error + rounding * np.abs(derivatives).max(initial=0.0) + EPS * unconstrained / FIRST
-    eigenvalues, errors = _eigenvalues(derivatives, error)
-    stiffness = float(np.linalg.norm(derivatives[:, :dof], 2)) if dof else 0.0
-    return StaticState(at_rest, stiffness, unconstrained, eigenvalues, errors)
+        Args:
+            coordinates: of all joints with one degree of freedom, in [m] or [rad], not wrapped.
+            links: link -> its motion, whose first instant gives the rotations of spherical joints.
+
+        Raises:
+            AssemblyError: if MuJoCo's loops do not close at these coordinates.
+        """
+        model, loops = self.model, self.model.loops
+        values = without_cuts(model, coordinates)
+        qpos = model.qpos.copy()
+        set_rotations(model.model, qpos, links)
+        qpos = closed_near(model, loops, qpos, *dofs_of(model, values), np.array([*values.values()]))
+        jacobian = loops.linearise(qpos[None])[1][0] * loops.scale[:, None] * loops.units
+        basis = null_space(jacobian).T if len(jacobian) else np.eye(model.model.nv)
+        rest, dof = np.zeros(model.model.nv), basis.shape[1]
+        directions = (loops.units[:, None] * basis).T
+
+        @cache
+        def moved(step: float) -> Array:
+            """Return the nearest closed states after steps forwards and backwards along each, (2 dof, nq)."""
+            steps = step * np.repeat(directions, 2, 0) * np.tile([1.0, -1.0], dof)[:, None]
+            states = loops.displaced(np.repeat(qpos[None], 2 * dof, 0), steps)
+            return loop_jacobian.close(loops, states, nearest_steps(loops))
+
+        def differences(solved: _Accelerations, step: float) -> Array:
+            """Return the central differences by displacements, then by rates, (dof, 2 dof)."""
+            states = [(each, rest) for each in moved(step)]
+            states += [(qpos, sign * step * along) for along in directions for sign in (1, -1)]
+            values = np.array([basis.T @ solved.accelerations(*state) for state in states])
+            values = values.reshape(2 * dof, 2, dof)
+            return (values[:, 0] - values[:, 1]).T / (2.0 * step)
+
+        measured = [extrapolated_derivative(partial(differences, solved)) for solved in self.solved]
+        errors = [error + np.abs(after - before) for (before, _), (after, error) in pairwise(measured)]
+        errors = errors or [measured[0][1]]
+        best = min(range(-len(errors), 0), key=lambda k: errors[k].max(initial=0.0))
+        derivatives, error, data = measured[best][0], errors[best], self.solved[best].data
+        at_rest = basis.T @ self.solved[best].accelerations(qpos, rest)
+        mass = directions @ mass_matrix(data) @ directions.T
+        rounding = EPS * (np.linalg.cond(mass) if dof else 0.0)
+        without_loops = data.qacc_smooth / loops.units if len(jacobian) else rest
+        unconstrained = float(np.abs(without_loops).max(initial=0.0))
+        # loops cancel accelerations, also where no force remains along a family of equilibria
+        error = error + rounding * np.abs(derivatives).max(initial=0.0) + EPS * unconstrained / FIRST
+        eigenvalues, errors = _eigenvalues(derivatives, error)
+        stiffness = float(np.linalg.norm(derivatives[:, :dof], 2)) if dof else 0.0
+        return StaticState(at_rest, stiffness, unconstrained, eigenvalues, errors)
 
 
 def _eigenvalues(derivatives: Array, error: Array) -> tuple[NDArray[np.complex128], Array]:
@@ -140,18 +150,18 @@ def _eigenvalues(derivatives: Array, error: Array) -> tuple[NDArray[np.complex12
 
 
 class _Accelerations:
-    """MuJoCo's accelerations along independent directions, under its own constraint forces."""
+    """MuJoCo's accelerations under its own constraint forces."""
 
-    def __init__(self, model: LoadedModel, basis: Array, compliance: float) -> None:
+    def __init__(self, model: LoadedModel, compliance: float) -> None:
         loops = prepared(model, replace(FREE, compliance=compliance), TIMESTEP, ITERATIONS)
-        self.basis, self.units = basis, model.loops.units
+        self.units = model.loops.units
         self.prepared_model, self.controls = loops.model, AppliedControls(model, loops)
         self.data = mujoco.MjData(loops.model)
         acting = enumerate(model.forces.actuators, model.actuators.actuators.start)
         self.stated = [(k, actuator) for k, actuator in acting if actuator.inflow is not None]
 
-    def along_basis(self, qpos: Array, qvel: Array) -> Array:
-        """Return the accelerations at a state, (dof,)."""
+    def accelerations(self, qpos: Array, qvel: Array) -> Array:
+        """Return the accelerations at a state, (nv,) in [rad or characteristic lengths /s2]."""
         data = self.data
         data.qpos[:], data.qvel[:], data.time = qpos, qvel, 0.0
         mujoco.mj_fwdPosition(self.prepared_model, data)
@@ -162,5 +172,4 @@ class _Accelerations:
         with self.controls.installed(data) as expand:
             expand()
             mujoco.mj_forward(self.prepared_model, data)
-        result: Array = self.basis.T @ (data.qacc / self.units)
-        return result
+        return np.asarray(data.qacc / self.units, dtype=np.float64)
