@@ -50,6 +50,46 @@ class SparseMatrices:
         out[self.rows, self.columns] = self.values
         return out
 
+    def select(self, which: slice) -> "SparseMatrices":
+        """Return the matrices of some instants."""
+        return SparseMatrices(self.rows, self.columns, self.values[:, which], self.shape)
+
+    @property
+    def transposed(self) -> "SparseMatrices":
+        """The transposed matrices."""
+        return SparseMatrices(self.columns, self.rows, self.values, self.shape[::-1])
+
+    def only(self, rows: NDArray[np.intp] | slice) -> "SparseMatrices":
+        """Return the matrices with all entries but those of selected rows zero."""
+        selected = np.zeros(self.shape[0], dtype=np.bool_)
+        selected[rows] = True
+        entries = selected[self.rows]
+        return SparseMatrices(self.rows[entries], self.columns[entries], self.values[entries], self.shape)
+
+    def with_unit(self, column: int) -> "SparseMatrices":
+        """Return the matrices with a last row that is 1 in a column."""
+        rows, columns = np.append(self.rows, self.shape[0]), np.append(self.columns, column)
+        values = np.concatenate([self.values, np.ones((1, self.values.shape[1]))])
+        return SparseMatrices(rows, columns, values, (self.shape[0] + 1, self.shape[1]))
+
+    def scaled(self, factors: Array) -> "SparseMatrices":
+        """Return the matrices with their rows multiplied by factors, (rows,)."""
+        return SparseMatrices(self.rows, self.columns, factors[self.rows, None] * self.values, self.shape)
+
+    def column(self, number: int) -> Array:
+        """Return a column, (rows, n)."""
+        out, own = np.zeros((self.shape[0], self.values.shape[1])), self.columns == number
+        out[self.rows[own]] = self.values[own]
+        return out
+
+    def without(self, column: int) -> "SparseMatrices":
+        """Return the matrices without a column."""
+        other = self.columns != column
+        columns = self.columns[other] - (self.columns[other] > column)
+        return SparseMatrices(
+            self.rows[other], columns, self.values[other], (self.shape[0], self.shape[1] - 1)
+        )
+
     def times(self, vectors: Array) -> Array:
         """Return the products with vectors (columns, n), (rows, n); n may be 1 for one of both."""
         terms = self.values * vectors[self.columns]

@@ -154,6 +154,11 @@ class CouplingConstraint:
     equality: int
     function: RelativeFunction | None = None
 
+    @property
+    def dofs(self) -> NDArray[np.intp]:
+        """The degrees of freedom of both sides, (k,)."""
+        return self.left.dofs if self.right is None else np.append(self.left.dofs, self.right.dofs)
+
     def values(self, right: Array) -> tuple[Array, Array, Array]:
         """Return the polynomial and its first two derivatives at values of the right side."""
         return self.function(right) if self.function else polynomial(self.coefficients, right)

@@ -2,15 +2,20 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mechsim.errors import AssemblyError
 from mechsim.numerics import rank as numerical_rank
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.newton import NewtonSettings, newton, square_solution
-from mechsim.numerics.rank import FLOOR, RANK_TOLERANCE, significant
+from mechsim.numerics.rank import FLOOR, RANK_TOLERANCE, SPARSE, significant
 from mechsim.simulation.model_loops import ModelLoops
+
+if TYPE_CHECKING:
+    from mechsim.numerics.banded import SparseMatrices
 
 # closure error, in characteristic lengths or [rad], that counts as rounding: a few times the error of
 # Newton's method for a well-conditioned loop
@@ -27,11 +32,12 @@ class LinearisedClosure:
 
     rhs: Array
     derivative: Callable[[], Array]
+    loops: ModelLoops
 
     @property
     def matrix(self) -> Array:
         """Jacobians of the residuals in their units, (n, m, nv)."""
-        return self.derivative()
+        return self.loops.whole(self.derivative())
 
     def solution(self, right: Array, /) -> Array:
         """Return the unknowns (n, nv) that give right sides (n, m) of square systems."""
@@ -47,11 +53,30 @@ class LoopEquations:
     def linearise(self, q: Array, /) -> LinearisedClosure:
         """Return the equations about n states, (n, nq)."""
         residual, derivative = self.loops.residual_and_derivative(q)
-        return LinearisedClosure(residual * self.loops.scale, derivative)
+        return LinearisedClosure(residual * self.loops.scale, derivative, self.loops)
 
     def retract(self, q: Array, step: Array, /) -> Array:
         """Return states displaced by steps in the DOFs, (n, nq)."""
         return self.loops.displaced(q, step)
+
+
+class LockedClosure(LinearisedClosure):
+    """The same, solved by the steps of `newton_step`."""
+
+    def solution(self, right: Array, /) -> Array:
+        """Return what is subtracted from the DOFs, (n, nv), for dimensionless residuals (n, m)."""
+        loops, values = self.loops, self.derivative()
+        jacobian = loops.whole(values) if loops.model.nv < SPARSE else loops.sparse_matrices(values)
+        return -newton_step(loops, right / loops.scale, jacobian)
+
+
+class LockedEquations(LoopEquations):
+    """The same with the crank locked."""
+
+    def linearise(self, q: Array, /) -> LockedClosure:
+        """Return the equations about n states, (n, nq)."""
+        residual, derivative = self.loops.residual_and_derivative(q)
+        return LockedClosure(residual * self.loops.scale, derivative, self.loops)
 
 
 def close(loops: ModelLoops, qpos: Array, step: Step | None = None) -> Array:
@@ -88,12 +113,9 @@ def close_each(loops: ModelLoops, qpos: Array, step: Step | None = None) -> tupl
         qpos: initial guesses, (n, nq).
         step: the steps of all DOFs; None for those with the crank locked.
     """
-
-    def with_locked_crank(jacobian: Array, residual: Array) -> Array:
-        return -newton_step(loops, residual / loops.scale, jacobian)
-
+    system = LockedEquations(loops) if step is None else LoopEquations(loops)
     try:
-        states = newton(LoopEquations(loops), qpos, NEWTON, step or with_locked_crank).q
+        states = newton(system, qpos, NEWTON, step).q
     except np.linalg.LinAlgError:
         states = qpos
     error = loops.closure_error(loops.residual(states))
@@ -119,8 +141,13 @@ def null_space(loops: ModelLoops, jacobian: Array) -> Array:
     return _with_crank_rate(loops, numerical_rank.null_space(constrained, floor=0.0), 0.0)
 
 
-def solve(loops: ModelLoops, jacobian: Array, right: Array) -> Array:
-    """Return the minimum-norm x (n, nv - 1, k) of J x = right (n, m, k) in all DOFs but the crank."""
+def solve(loops: ModelLoops, jacobian: "Array | SparseMatrices", right: Array) -> Array:
+    """Return the minimum-norm x (n, nv - 1, k) of J x = right (n, m, k) in all DOFs but the crank.
+
+    With a sparse Jacobian k is 1.
+    """
+    if not isinstance(jacobian, np.ndarray):
+        return _sparse_solution(loops, jacobian, right[..., 0])[..., None]
     matrix = constrained_jacobian(loops, jacobian)
     reduced = loops.independent.reduced(matrix, right)
     if reduced is None:
@@ -132,20 +159,64 @@ def solve(loops: ModelLoops, jacobian: Array, right: Array) -> Array:
     return transposed @ np.linalg.solve(matrix @ transposed, right)
 
 
-def conditioning(loops: ModelLoops, jacobian: Array) -> Array:
+def _sparse_solution(loops: ModelLoops, jacobian: "SparseMatrices", right: Array) -> Array:
+    """Return the same, (n, nv - 1), of sparse Jacobians and right sides (n, m)."""
+    from mechsim.numerics.banded import least_norm_systems
+
+    systems = least_norm_systems(jacobian.without(loops.crank), loops.bands)
+    n = len(right)
+    solutions, valid = np.zeros((n, loops.model.nv - 1)), np.zeros(n, dtype=np.bool_)
+    if systems is not None:
+        solutions, valid = systems.least_norm(right[:, systems.rows])
+    # those of nearly dependent rows by whole matrices, as many together as fit into memory
+    others = np.flatnonzero(~valid)
+    for first in range(0, len(others), loops.chunk):
+        some = others[first : first + loops.chunk]
+        whole = loops.whole(jacobian.values[:, some].T)
+        solutions[some] = solve(loops, whole, right[some, :, None])[..., 0]
+    return solutions
+
+
+def conditioning(loops: ModelLoops, jacobian: "Array | SparseMatrices") -> Array:
     """Return the distance of states from singular ones with the crank locked, (n,), 0 to about 1.
 
     It is the smallest singular value of the scaled Jacobian, without those that are zero at every state
     because of redundant constraints or unconstrained DOFs.
     """
     passive = np.setdiff1d(loops.free, loops.driven_dofs)
-    matrix = jacobian[:, :, passive] * np.where(loops.angular_dofs[passive], 1.0, loops.characteristic_length)
+    if not isinstance(jacobian, np.ndarray):
+        smallest = _sparse_conditioning(loops, jacobian, passive)
+        if smallest is not None:
+            return smallest
+        jacobian = loops.whole(jacobian.values.T)
+    matrix = jacobian[:, :, passive] * loops.units[passive]
     matrix *= loops.scale[..., None]
     values = np.linalg.svd(matrix, compute_uv=False).astype(np.float64, copy=False)
     if not values.size:
         return np.ones(len(matrix))
     rank = int(significant(values).sum(1).max())
     return values[:, rank - 1] if rank else np.ones(len(matrix))
+
+
+def _sparse_conditioning(
+    loops: ModelLoops, jacobian: "SparseMatrices", passive: NDArray[np.intp]
+) -> Array | None:
+    """Return the same of sparse Jacobians; None if they are singular at every state, or not banded."""
+    from mechsim.numerics.banded import NEGLIGIBLE, BandedSystems, SparseMatrices, band
+
+    values = jacobian.values * (loops.scale[jacobian.rows] * loops.units[jacobian.columns])[:, None]
+    nonzero = np.isin(jacobian.columns, passive) & (np.abs(values).max(1) > NEGLIGIBLE)
+    matrix = SparseMatrices(
+        jacobian.rows[nonzero], jacobian.columns[nonzero], values[nonzero], jacobian.shape
+    )
+    rows = np.unique(matrix.rows)
+    order = band(matrix, rows, passive) if len(rows) == len(passive) else None
+    if order is None:
+        return None
+    smallest = BandedSystems(order, matrix.values[order.entries]).smallest_singular_values
+    # the Frobenius norm is a bound of the largest singular value
+    regular = smallest > RANK_TOLERANCE * np.sqrt((matrix.values**2).sum(0))
+    return smallest if regular.any() else None
 
 
 def tangent(loops: ModelLoops, jacobian: Array) -> Array:
@@ -157,7 +228,7 @@ def tangent(loops: ModelLoops, jacobian: Array) -> Array:
     return _with_crank_rate(loops, rates[..., 0], 1.0)
 
 
-def newton_step(loops: ModelLoops, residual: Array, jacobian: Array) -> Array:
+def newton_step(loops: ModelLoops, residual: Array, jacobian: "Array | SparseMatrices") -> Array:
     """Return the Newton step of the loops with the crank locked, (n, nv)."""
     step = solve(loops, jacobian, -residual[..., None])[..., 0]
     # a rotation of more than half a radian is beyond the linear model

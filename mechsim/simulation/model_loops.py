@@ -7,6 +7,7 @@ No closed form is used.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
@@ -15,10 +16,13 @@ from numpy.typing import NDArray
 from mechsim.errors import InputError
 from mechsim.mechanism.motion import ChangePointPolicy
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.rank import RANK_TOLERANCE
+from mechsim.numerics.rank import RANK_TOLERANCE, SPARSE
 from mechsim.simulation.drivers import PARAMETER_JOINT, Drivers
 from mechsim.simulation.equality_rows import CouplingConstraint, FramePair, PointPair, RodPair, constraints
 from mechsim.simulation.state import HINGE, PosedBodies, angular_dofs, displaced
+
+if TYPE_CHECKING:
+    from mechsim.numerics.banded import Band, SparseMatrices
 
 # largest number of states evaluated together, and of the entries of their Jacobians: they fit into the cache
 CHUNK, CHUNK_NUMBERS = 2048, 2_000_000
@@ -184,11 +188,35 @@ class ModelLoops:
 
     def linearise(self, qpos: Array) -> tuple[Array, Array]:
         """Return the constraint residuals, (n, m) in [m] or [rad], and their Jacobian, (n, m, nv)."""
-        residual, jacobian = self.residual_and_derivative(qpos)
-        return residual, jacobian()
+        residual, values = self.residual_and_derivative(qpos)
+        return residual, self.whole(values())
+
+    def sparse(self, qpos: Array) -> "tuple[Array, SparseMatrices]":
+        """Return the constraint residuals, (n, m) in [m] or [rad], and their sparse Jacobian, (m, nv)."""
+        residual, values = self.residual_and_derivative(qpos)
+        return residual, self.sparse_matrices(values())
+
+    def linearised(self, qpos: Array) -> "tuple[Array, Array | SparseMatrices]":
+        """Return the result of `sparse` for many degrees of freedom, else that of `linearise`."""
+        return self.linearise(qpos) if self.model.nv < SPARSE else self.sparse(qpos)
+
+    def sparse_matrices(self, values: Array) -> "SparseMatrices":
+        """Return the sparse Jacobian, (m, nv), from its `entries`, (n, e)."""
+        from mechsim.numerics.banded import SparseMatrices
+
+        return SparseMatrices(*self.entries, values.T, (len(self.scale), self.model.nv))
+
+    def whole(self, values: Array) -> Array:
+        """Return the Jacobian, (n, m, nv), from its `entries`, (n, e)."""
+        out = np.zeros((len(values), len(self.scale), self.model.nv))
+        out[:, *self.entries] = values
+        return out
 
     def residual_and_derivative(self, qpos: Array) -> tuple[Array, Callable[[], Array]]:
-        """Return the residuals and a function for their Jacobian, valid until the next evaluation."""
+        """Return the residuals and a function for the `entries` of their Jacobian, (n, e).
+
+        The function is valid until the next evaluation.
+        """
         position, rotation, _ = self.posed.poses(qpos)
         bodies, local = self._ends
         points = position[:, bodies] + (rotation[:, bodies] @ local[..., None])[..., 0]
@@ -209,8 +237,8 @@ class ModelLoops:
             *coupled,
         ]
 
-        def jacobian() -> Array:
-            out = np.zeros((n, len(self.scale), self.model.nv))
+        def values() -> Array:
+            out, number = np.zeros((n, len(self.entries[0]))), self._numbers
             side, member, dofs = self._moving_dofs
             linear, angular = self.posed.rates(bodies[side, member], dofs, points[:, side, member])
             sign = np.where(side, -1.0, 1.0)[:, None]
@@ -219,24 +247,25 @@ class ModelLoops:
             for own in (side == 0, side == 1):
                 pairs = own & (member < first)
                 rows = 3 * member[pairs, None] + np.arange(3)
-                out[:, rows, dofs[pairs, None]] += linear[:, pairs]
+                out[:, number[rows, dofs[pairs, None]]] += linear[:, pairs]
                 if self.rods:
                     rods = own & (member >= first) & (member < second)
                     stretching = (along[:, member[rods] - first] * linear[:, rods]).sum(2)
-                    out[:, 2 * first + member[rods], dofs[rods]] += stretching
+                    out[:, number[2 * first + member[rods], dofs[rods]]] += stretching
                 for i, (_, rate) in enumerate(errors):
                     frame = own & (member == second + i)
                     rows = self.frame_rows.start + 3 * i + np.arange(3)
-                    out[:, rows, dofs[frame, None]] += angular[:, frame] @ rate.swapaxes(1, 2)
+                    out[:, number[rows, dofs[frame, None]]] += angular[:, frame] @ rate.swapaxes(1, 2)
             for i, coupling in enumerate(self.couplings, self.coupled_rows.start):
-                out[:, i] = coupling.jacobian(qpos, self.model.nv)
+                dofs = coupling.dofs
+                out[:, number[i, dofs]] = coupling.jacobian(qpos, self.model.nv)[:, dofs]
             if drivers is not None and law is not None:
                 rows = self.driven_rows.start + np.arange(len(drivers.dofs))
-                out[:, rows, drivers.dofs] = 1.0
-                out[:, rows, self.crank] = -law[1].T
+                out[:, number[rows, drivers.dofs]] = 1.0
+                out[:, number[rows, self.crank]] = -law[1].T
             return out
 
-        return np.concatenate(chunks, 1), jacobian
+        return np.concatenate(chunks, 1), values
 
     @cached_property
     def _ends(self) -> tuple[NDArray[np.intp], Array]:
@@ -265,12 +294,24 @@ class ModelLoops:
             first = 3 * min(i, pairs) + min(max(i - pairs, 0), points - pairs) + 3 * max(i - points, 0)
             nonzero[first : first + (1 if pairs <= i < points else 3), dof] = True
         for i, coupling in enumerate(self.couplings, self.coupled_rows.start):
-            nonzero[i, [dof for each in (coupling.left, coupling.right) if each for dof in each.dofs]] = True
+            nonzero[i, coupling.dofs] = True
         nonzero[self.driven_rows, self.crank] = True
         if self.drivers is not None:
             nonzero[self.driven_rows, self.drivers.dofs] |= np.eye(len(self.drivers.dofs), dtype=np.bool_)
         rows, columns = np.nonzero(nonzero)
         return rows, columns
+
+    @cached_property
+    def bands(self) -> "dict[bytes, tuple[NDArray[np.intp], Band | None]]":
+        """Orders in which the sparse equations with the crank locked are banded."""
+        return {}
+
+    @cached_property
+    def _numbers(self) -> NDArray[np.intp]:
+        """The number of each entry among `entries`, (m, nv)."""
+        numbers = np.zeros((len(self.scale), self.model.nv), dtype=np.intp)
+        numbers[self.entries] = np.arange(len(self.entries[0]))
+        return numbers
 
     def displaced(self, qpos: Array, step: Array) -> Array:
         """Return states displaced by a step in the DOFs, (n, nq)."""

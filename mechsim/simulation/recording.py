@@ -3,6 +3,7 @@
 import copy
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
@@ -10,7 +11,7 @@ from mujoco import batch
 from numpy.typing import NDArray
 
 from mechsim.mechanism.motion import JointMotion, LinkMotion, Motion, PointMotion, Source, join
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import Array, cross
 from mechsim.numerics.resources import Progress, no_progress
 from mechsim.simulation import loop_jacobian
 from mechsim.simulation.drivers import PARAMETER_JOINT
@@ -24,6 +25,9 @@ from mechsim.simulation.state import (
     rotated,
     scalar_joints,
 )
+
+if TYPE_CHECKING:
+    from mechsim.numerics.banded import SparseMatrices
 
 
 def followers(loops: ModelLoops) -> list[CouplingConstraint]:
@@ -185,7 +189,7 @@ def _evaluated(
     sims.forward()
     links, points = link_motions(model, track, fields), point_motions(model, track, fields)
     qacc = fields["qacc"].copy()
-    residual, jacobian = loops.linearise(states.qpos)
+    residual, jacobian = loops.linearised(states.qpos)
     nonlinear = any(row.nonlinear for row in (*loops.couplings, *loops.rods))
     if crank_acceleration is None and (has_dry_friction(model) or nonlinear):
         # while friction sticks or reverses, soft loops oscillate about the motion; the force of a follower is
@@ -199,21 +203,10 @@ def _evaluated(
         if driver_acceleration is not None and loops.drivers is not None:
             opened[:, loops.driven_rows] = qacc[:, loops.drivers.dofs] - driver_acceleration
         if opened.shape[1]:
-            right = opened + jacobian[:, :, loops.crank] * change[:, [loops.crank]]
+            right = opened + _column(jacobian, loops.crank) * change[:, [loops.crank]]
             change[:, loops.free] = loop_jacobian.solve(loops, jacobian, -right[..., None])[..., 0]
         qacc += change
-        for name, link in links.items():
-            jacobians = sims.jac(model.body(name).id, link.position)
-            linear, angular = ((rates @ change[..., None])[..., 0] for rates in jacobians)
-            links[name] = replace(
-                link,
-                acceleration=link.acceleration + linear,
-                angular_acceleration=link.angular_acceleration + angular,
-            )
-        for name, point in points.items():
-            linear, _ = sims.jac(int(model.site_bodyid[model.site(name).id]), point.position)
-            acceleration = point.acceleration + (linear @ change[..., None])[..., 0]
-            points[name] = replace(point, acceleration=acceleration)
+        links, points = _accelerated(loops, change, links, points)
     return Motion(
         source,
         states.qpos[:, loops.crank_address],
@@ -227,6 +220,50 @@ def _evaluated(
         conditioning=loop_jacobian.conditioning(loops, jacobian),
         drivers=() if loops.drivers is None else loops.drivers.names,
     )
+
+
+def _column(jacobian: "Array | SparseMatrices", column: int) -> Array:
+    """Return a column of Jacobians, (n, m)."""
+    return jacobian[:, :, column] if isinstance(jacobian, np.ndarray) else jacobian.column(column).T
+
+
+def _accelerated(
+    loops: ModelLoops, change: Array, links: Mapping[str, LinkMotion], points: Mapping[str, PointMotion]
+) -> tuple[dict[str, LinkMotion], dict[str, PointMotion]]:
+    """Return links and points at the states of the last evaluation of the loops, with accelerations changed.
+
+    Args:
+        loops: of the model.
+        change: of the accelerations of the DOFs, (n, nv).
+        links: motions of links.
+        points: motions of points.
+    """
+    model = loops.model
+    bodies = [model.body(name).id for name in links]
+    bodies += [int(model.site_bodyid[model.site(name).id]) for name in points]
+    index, dofs = loops.posed.moving_dofs(np.array(bodies, dtype=np.intp))
+    position = np.stack(
+        [*(link.position for link in links.values()), *(point.position for point in points.values())], 1
+    )
+    rates = loops.posed.rates(np.array(bodies)[index], dofs, position[:, index])
+    # the entries of a body follow one another; the ground has none
+    moved, first = np.unique(index, return_index=True)
+    linear, angular = np.zeros((2, *position.shape))
+    for total, rate in zip((linear, angular), rates, strict=True):
+        total[:, moved] = np.add.reduceat(rate * change[:, dofs, None], first, axis=1)
+    new_links = {
+        name: replace(
+            link,
+            acceleration=link.acceleration + linear[:, i],
+            angular_acceleration=link.angular_acceleration + angular[:, i],
+        )
+        for i, (name, link) in enumerate(links.items())
+    }
+    new_points = {
+        name: replace(point, acceleration=point.acceleration + linear[:, i])
+        for i, (name, point) in enumerate(points.items(), len(links))
+    }
+    return new_links, new_points
 
 
 def _sensors(model: mujoco.MjModel, fields: Mapping[str, Array]) -> dict[str, Array]:
@@ -305,8 +342,8 @@ def resting(n: int) -> LinkMotion:
 def point_rates(link: LinkMotion, local: Array) -> tuple[Array, Array, Array]:
     """Return position, velocity and acceleration of a point of a link, (n, 3) each."""
     arm, spin = rotated(link.rotation, local), link.angular_velocity
-    swing = np.cross(spin, arm)
-    acceleration = link.acceleration + np.cross(link.angular_acceleration, arm) + np.cross(spin, swing)
+    swing = cross(spin, arm)
+    acceleration = link.acceleration + cross(link.angular_acceleration, arm) + cross(spin, swing)
     return link.position + arm, link.velocity + swing, acceleration
 
 

@@ -6,6 +6,7 @@ from kinematics.test_exact_geometry import row_of_four_bars
 from mechsim.kinematics.loops import start
 from mechsim.kinetics import equilibria, linearization, prescribed, prescribed_motion, reactions
 from mechsim.kinetics.model import dynamic_model
+from mechsim.simulation import loop_jacobian, model_loops
 from mechsim.simulation.dynamics import inverse_dynamics
 from mechsim.simulation.dynamics.prescribed_motion import driven
 
@@ -84,12 +85,20 @@ def test_minima_and_maxima_of_the_potential_alternate_around_the_curve_of_a_long
 
 
 def test_forces_of_a_row_in_mujoco_by_sparse_loops_are_those_of_whole_matrices(monkeypatch):
-    records = []
+    runs = []
     for least in (1, 1000):
-        monkeypatch.setattr(inverse_dynamics, "SPARSE", least)
-        records.append(driven(row_of_four_bars(16), speed=3.0, turns=0.01, samples=4).forces)
-    sparse, whole = records
-    assert np.abs(sparse.torque / whole.torque - 1.0).max() <= 1e-9
-    largest = max(np.abs(reaction.force).max() for reaction in whole.reactions.values())
-    for name, reaction in whole.reactions.items():
-        assert np.abs(sparse.reactions[name].force - reaction.force).max() <= 1e-9 * largest
+        for module in (inverse_dynamics, loop_jacobian, model_loops):
+            monkeypatch.setattr(module, "SPARSE", least)
+        runs.append(driven(row_of_four_bars(16), speed=3.0, turns=0.01, samples=4))
+    sparse, whole = runs
+    assert np.abs(sparse.forces.torque / whole.forces.torque - 1.0).max() <= 1e-9
+    largest = max(np.abs(reaction.force).max() for reaction in whole.forces.reactions.values())
+    for name, reaction in whole.forces.reactions.items():
+        assert np.abs(sparse.forces.reactions[name].force - reaction.force).max() <= 1e-9 * largest
+    np.testing.assert_allclose(sparse.motion.conditioning, whole.motion.conditioning, rtol=1e-11)
+    largest = max(np.abs(link.angular_acceleration).max() for link in whole.motion.links.values())
+    for name, link in whole.motion.links.items():
+        own = sparse.motion.links[name]
+        assert np.abs(own.angular_acceleration - link.angular_acceleration).max() <= 1e-12 * largest
+        assert np.abs(own.acceleration - link.acceleration).max() <= 1e-12 * largest
+        assert np.abs(own.position - link.position).max() <= 1e-14

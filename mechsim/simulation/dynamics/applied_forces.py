@@ -5,16 +5,20 @@ which they act. For reactions, each force is therefore applied to its bodies.
 """
 
 from collections.abc import Callable, Iterator, Mapping
+from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
 
 from mechsim.mechanism.force_record import MeshForce
 from mechsim.mechanism.joints import Joint
-from mechsim.mechanism.meshes import Mesh, meshes_of, threads_of
+from mechsim.mechanism.meshes import Mesh, meshes_of
 from mechsim.numerics.arrays import Array, cross
 from mechsim.simulation.dynamics.loaded_model import SITE, TENDON, AppliedForces, LoadedModel
 from mechsim.simulation.equality_rows import RodPair
+
+if TYPE_CHECKING:
+    from mechsim.numerics.banded import SparseMatrices
 
 Fields = Mapping[str, Array]
 
@@ -139,7 +143,7 @@ def together(*applied: AppliedForces) -> AppliedForces:
 
 
 def coupling_forces(
-    loaded: LoadedModel, fields: Fields, jacobian: Array, multipliers: Array
+    loaded: LoadedModel, fields: Fields, jacobian: "SparseMatrices", multipliers: Array
 ) -> AppliedForces:
     """Return the forces of couplings and locked coordinates: of teeth at pitch points, others on coordinates.
 
@@ -150,7 +154,8 @@ def coupling_forces(
     meshes, first = meshes_of(loaded.mechanism), loaded.loops.coupled_rows.start
     toothed = [first + i for i, name in enumerate(loaded.mechanism.named_laws) if name in meshes]
     plain = np.setdiff1d(np.arange(multipliers.shape[1])[loaded.loops.coupled_rows], toothed)
-    forces.generalised[:] += np.einsum("nm,nmv->nv", multipliers[:, plain], jacobian[:, plain])
+    if len(plain):
+        forces.generalised[:] += jacobian.only(plain).transposed.times(multipliers.T).T
     for row, mesh in zip(toothed, meshes.values(), strict=True):
         force, point = _at_pitch_point(loaded, fields, mesh, multipliers[:, row])
         for own, sign in ((mesh.driven, 1.0), (mesh.driver, -1.0)):
@@ -174,10 +179,9 @@ def mesh_forces(loaded: LoadedModel, fields: Fields, multipliers: Array) -> dict
 
 def thread_forces(loaded: LoadedModel, joint: Joint, multipliers: Array) -> Iterator[tuple[Array, Array]]:
     """Yield force along and moment about a screw's axis on its link b, (n,) each; nothing for other kinds."""
-    threads, first = threads_of(loaded.mechanism), loaded.loops.coupled_rows.start
-    for i, (name, law) in enumerate(loaded.mechanism.named_laws.items()):
-        if threads.get(name) == joint:
-            yield multipliers[:, first + i], -law.ratio * multipliers[:, first + i]
+    first = loaded.loops.coupled_rows.start
+    for i, ratio in loaded.threads.get(joint.name, ()):
+        yield multipliers[:, first + i], -ratio * multipliers[:, first + i]
 
 
 def _at_pitch_point(loaded: LoadedModel, fields: Fields, mesh: Mesh, effort: Array) -> tuple[Array, Array]:

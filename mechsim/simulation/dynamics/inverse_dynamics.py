@@ -3,6 +3,7 @@
 import copy
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
@@ -35,8 +36,11 @@ from mechsim.simulation.recording import CHUNK, States, closure_acceleration, li
 from mechsim.simulation.settings import set_armature
 from mechsim.simulation.stepping import rescale_coupled_tendons
 
-# squares of the degrees of freedom of the states solved together: matrices of 32 MB each
-CHUNK_NUMBERS = 4_000_000
+if TYPE_CHECKING:
+    from mechsim.numerics.banded import SparseMatrices
+
+# numbers of the states solved together, for each degree of freedom of one or of whole matrices: 32 MB
+CHUNK_NUMBERS, STATE_NUMBERS = 4_000_000, 100
 # ratio of the regularisation of a friction to its inverse inertia, and MuJoCo's smallest impedance (mjMINIMP)
 REGULARISATION, MIN_IMPEDANCE = 1e-4, 1e-4
 
@@ -47,14 +51,14 @@ class LoadedState:
 
     Attributes:
         states: the n states.
-        jacobian: of the loop constraints, (n, m, nv).
+        jacobian: of the loop constraints, (m, nv).
         outer: applied forces.
         plain: MuJoCo's fields under these forces, with open loops.
         rubbing: power lost in friction by the load, (n,) in [W].
     """
 
     states: States
-    jacobian: Array
+    jacobian: "SparseMatrices"
     outer: AppliedForces
     plain: Fields
     rubbing: Array
@@ -78,7 +82,7 @@ def loaded_state(
     applied.controls[:] = loaded.controls(angle, states.time)
     rates = loaded.look(model, states, applied)
     loaded.react(rates["actuator_length"], rates["actuator_velocity"], applied.controls)
-    jacobian = loaded.loops.linearise(states.qpos)[1]
+    jacobian = loaded.loops.sparse(states.qpos)[1]
     constant = together(applied, dry_friction(loaded, rates, states.qvel))
     coordinates = rubbing_coordinates(loaded, rates) if forces_of else []
 
@@ -95,13 +99,13 @@ def loaded_state(
     return under(friction_of_state(coordinates, lambda frictions: forces_of(under(frictions)), name))
 
 
-def crank_tangent(loaded: LoadedModel, qpos: Array, inertia: Array) -> Array:
+def crank_tangent(loaded: LoadedModel, qpos: Array, inertia: "SparseMatrices") -> Array:
     """Return the rates per radian of the crank that keep the loops closed with the least energy, (n, nv).
 
     A link whose spin is undetermined then has no momentum about its own axis.
     """
-    _, jacobian = loaded.loops.linearise(qpos)
-    right = np.zeros((len(jacobian), jacobian.shape[1] + 1))
+    _, jacobian = loaded.loops.sparse(qpos)
+    right = np.zeros((len(qpos), jacobian.shape[0] + 1))
     right[:, -1] = 1.0
     return _least(loaded, jacobian, inertia, right)[0]
 
@@ -118,7 +122,7 @@ def drive_and_constraint_forces(
     opened = closure_acceleration(loaded.loops, state.states, state.plain["qacc"], links)
     lacking = crank_acceleration - state.plain["qacc"][:, loaded.loops.crank]
     right = np.concatenate([-opened, lacking[:, None]], 1)
-    change, multipliers = _least(loaded, state.jacobian, state.plain["inertia"], right)
+    change, multipliers = _least(loaded, state.jacobian, loaded.inertia(state.plain), right)
     return state.plain["qacc"] + change, multipliers[:, :-1], multipliers[:, -1]
 
 
@@ -130,18 +134,19 @@ def constraint_forces(loaded: LoadedModel, state: LoadedState, fields: Fields) -
         state: result of `loaded_state`.
         fields: MuJoCo's fields of the stepped model in this state.
     """
-    forces, scale = fields["qfrc_constraint"], row_scale(loaded, state.jacobian.shape[1])
+    forces, scale = fields["qfrc_constraint"], row_scale(loaded, state.jacobian.shape[0])
+    jacobian, inertia = loaded.loops.whole(state.jacobian.values.T), loaded.inertia(state.plain)
     # MuJoCo has no constraint rows for driven coordinates: forces on these coordinates replace them
     first_driven = loaded.loops.driven_rows.start
     units = loaded.loops.units
-    scaled = np.swapaxes(state.jacobian * scale[:, None] * units, 1, 2)[..., :first_driven]
+    scaled = np.swapaxes(jacobian * scale[:, None] * units, 1, 2)[..., :first_driven]
     multipliers = np.zeros(scale.shape + forces.shape[:1]).T
     if first_driven:
         solution = pseudo_inverse(scaled) @ (forces * units)[..., None]
         multipliers[:, :first_driven] = scale[:first_driven] * solution[..., 0]
 
     def drive_force(dof: int) -> Array:
-        spent = (state.plain["inertia"][:, dof] * fields["qacc"]).sum(1)
+        spent = (inertia.dense[dof].T * fields["qacc"]).sum(1)
         return spent - state.plain["qfrc_smooth"][:, dof] - forces[:, dof]
 
     drives = loaded.loops.drivers
@@ -150,7 +155,7 @@ def constraint_forces(loaded: LoadedModel, state: LoadedState, fields: Fields) -
     multipliers[:, first_driven:] = np.stack([drive_force(int(dof)) for dof in drives.dofs], 1)
     # the torque on the path parameter with the power of all drives
     rows = loaded.loops.driven_rows
-    return multipliers, -(multipliers[:, rows] * state.jacobian[:, rows, loaded.loops.crank]).sum(1)
+    return multipliers, -(multipliers[:, rows] * jacobian[:, rows, loaded.loops.crank]).sum(1)
 
 
 def force_record(
@@ -218,41 +223,59 @@ def row_scale(loaded: LoadedModel, rows: int) -> Array:
     return scale
 
 
-def _least(loaded: LoadedModel, jacobian: Array, inertia: Array, right: Array) -> tuple[Array, Array]:
+def _least(
+    loaded: LoadedModel, jacobian: "SparseMatrices", inertia: "SparseMatrices", right: Array
+) -> tuple[Array, Array]:
     """Solve A x = right, M x = A^T multipliers: x with least x^T M x, (n, nv), and multipliers, (n, m + 1).
 
-    A consists of the loops' Jacobian, (n, m, nv), and a last row for the crank. For redundant rows the
+    A consists of the loops' Jacobian, (m, nv), and a last row for the crank. For redundant rows the
     multipliers have the least norm, with rows scaled by `row_scale`.
     """
-    crank = np.broadcast_to(np.eye(loaded.model.nv)[loaded.loops.crank], (len(jacobian), 1, loaded.model.nv))
-    rows, scale = np.concatenate([jacobian, crank], 1), row_scale(loaded, jacobian.shape[1] + 1)
-    if loaded.model.nv >= SPARSE and (solved := _sparse_least(rows, inertia, scale, right)):
-        return solved
-    lower = np.linalg.cholesky(inertia)
-    weighted = np.swapaxes(np.linalg.solve(lower, np.swapaxes(rows, 1, 2)), 1, 2) * scale[:, None]
+    scale = row_scale(loaded, jacobian.shape[0] + 1)
+    rows = jacobian.with_unit(loaded.loops.crank).scaled(scale)
+    if loaded.model.nv >= SPARSE and (solved := _sparse_least(loaded, rows, inertia, scale * right)):
+        return solved[0], scale * solved[1]
+    count = max(1, CHUNK_NUMBERS // loaded.model.nv**2)
+    solved = [
+        _whole_least(
+            *(each.select(slice(i, i + count)) for each in (rows, inertia)), (scale * right)[i : i + count]
+        )
+        for i in range(0, len(right), count)
+    ]
+    x, multipliers = (np.concatenate(each) for each in zip(*solved, strict=True))
+    return x, scale * multipliers
+
+
+def _whole_least(rows: "SparseMatrices", inertia: "SparseMatrices", right: Array) -> tuple[Array, Array]:
+    """Return the same by whole matrices."""
+    matrix, lower = rows.dense.transpose(2, 1, 0), np.linalg.cholesky(inertia.dense.transpose(2, 0, 1))
+    weighted = np.swapaxes(np.linalg.solve(lower, matrix), 1, 2)
     u, values, vt = np.linalg.svd(weighted, full_matrices=False)
     kept = values > RANK_TOLERANCE * values[:, :1]
     inverse = np.where(kept, 1.0 / np.where(kept, values, 1.0), 0.0)
-    scaled = inverse * (np.swapaxes(u, 1, 2) @ (scale * right)[..., None])[..., 0]
+    scaled = inverse * (np.swapaxes(u, 1, 2) @ right[..., None])[..., 0]
     x = np.linalg.solve(np.swapaxes(lower, 1, 2), np.swapaxes(vt, 1, 2) @ scaled[..., None])[..., 0]
-    return np.asarray(x, dtype=np.float64), scale * (u @ (inverse * scaled)[..., None])[..., 0]
+    return np.asarray(x, dtype=np.float64), (u @ (inverse * scaled)[..., None])[..., 0]
 
 
-def _sparse_least(rows: Array, inertia: Array, scale: Array, right: Array) -> tuple[Array, Array] | None:
+def _sparse_least(
+    loaded: LoadedModel, rows: "SparseMatrices", inertia: "SparseMatrices", right: Array
+) -> tuple[Array, Array] | None:
     """Return the same of many degrees of freedom; None if rows are redundant, or the loops are not banded."""
-    from mechsim.numerics.banded import entries_of, least_norm_systems
+    from mechsim.numerics.banded import least_norm_systems
 
-    mass = np.trace(inertia, axis1=1, axis2=2)[:, None] / inertia.shape[1]
+    mass = inertia.values[inertia.rows == inertia.columns].mean(0)
     # in the units of the mean inertia
-    metric = entries_of(inertia / mass[..., None])
-    systems = least_norm_systems(entries_of(rows * scale[:, None]), {}, metric)
+    metric = replace(inertia, values=inertia.values / mass)
+    systems = least_norm_systems(rows, loaded.bands, metric)
     if systems is None or not systems.null_bases[1].all():
         return None
-    sides = (scale * right)[None, :, systems.rows]
-    (x,), (opposite,) = systems.solved(np.zeros((1, *inertia.shape[:2])), sides)
+    (x,), (opposite,) = systems.solved(
+        np.zeros((1, *right.shape[:1], systems.count)), right[None, :, systems.rows]
+    )
     multipliers = np.zeros_like(right)
-    multipliers[:, systems.rows] = -mass * opposite
-    return x, scale * multipliers
+    multipliers[:, systems.rows] = -mass[:, None] * opposite
+    return x, multipliers
 
 
 def _kinetic(loaded: LoadedModel, rates: Array, plain: Fields) -> Array:
@@ -345,7 +368,7 @@ def inverse_dynamics(
     qpos, path = follow.follow_path(loaded.loops, loaded.qpos, angle)
     neighbourhoods = list(path.near_change_points(angle))
     away = moved_away(qpos, neighbourhoods)
-    chunks, count = [], max(1, min(CHUNK, CHUNK_NUMBERS // loaded.model.nv**2))
+    chunks, count = [], max(1, min(CHUNK, CHUNK_NUMBERS // (STATE_NUMBERS * loaded.model.nv)))
     for first in range(0, len(time), count):
         chunk = slice(first, first + count)
         states = States(time[chunk], away[chunk], _rates(loaded, away[chunk]) * speed[chunk, None])
@@ -398,7 +421,7 @@ def _rates(loaded: LoadedModel, qpos: Array) -> Array:
     """Return the rates per radian of the crank at closed states, (n, nv)."""
     n = len(qpos)
     rest = States(np.zeros(n), qpos, np.zeros((n, loaded.model.nv)))
-    return crank_tangent(loaded, qpos, loaded.look(loaded.looking(), rest, loaded.nothing(n))["inertia"])
+    return crank_tangent(loaded, qpos, loaded.inertia(loaded.look(loaded.looking(), rest, loaded.nothing(n))))
 
 
 # factor on the virtual drive inertia and its torque at variable speed: without it the mechanism's own torque
@@ -445,7 +468,7 @@ def forces_of_states(
             if driving is not None:
                 acting.generalised[:, moved] += driving
             nonlinear = _coupling_accelerations(loaded, state)
-            acting.generalised[:] -= (state.plain["inertia"] @ nonlinear[..., None])[..., 0]
+            acting.generalised[:] -= loaded.inertia(state.plain).times(nonlinear.T).T
 
             def look(force: Array) -> Mapping[str, Array]:
                 return loaded.look(model, chunk, replace(acting, generalised=acting.generalised + force))
@@ -506,13 +529,14 @@ def _coupling_accelerations(loaded: LoadedModel, state: LoadedState) -> Array:
     couplings, rods = loaded.loops.couplings, loaded.loops.rods
     if not any(row.nonlinear for row in (*couplings, *rods)):
         return np.zeros_like(state.states.qvel)
-    right, qacc = np.zeros((len(state.jacobian), state.jacobian.shape[1] + 1)), state.plain["qacc"]
+    qacc = state.plain["qacc"]
+    right = np.zeros((len(qacc), state.jacobian.shape[0] + 1))
     links = link_motions(loaded.model, loaded.track, state.plain)
     opened = closure_acceleration(loaded.loops, state.states, qacc, links)
     for rows in (loaded.loops.rod_rows, loaded.loops.coupled_rows):
-        moved = (state.jacobian[:, rows] @ qacc[..., None])[..., 0]
-        right[:, rows] = moved - opened[:, rows]
-    return _least(loaded, state.jacobian, state.plain["inertia"], right)[0]
+        moved = state.jacobian.times(qacc.T).T
+        right[:, rows] = moved[:, rows] - opened[:, rows]
+    return _least(loaded, state.jacobian, loaded.inertia(state.plain), right)[0]
 
 
 def stiffen_friction(model: mujoco.MjModel, timestep: float, compliance: float = 1.0) -> None:

@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import count
+from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
@@ -20,13 +21,13 @@ from mechsim.mechanism.joints import Joint
 from mechsim.mechanism.link_poses import virtual_body
 from mechsim.mechanism.links import GROUND
 from mechsim.mechanism.mechanism import Mechanism
+from mechsim.mechanism.meshes import threads_of
 from mechsim.mechanism.nonlinear_springs import Bushing, Phases, phases_of
 from mechsim.mechanism.scene import Scene
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.dynamics.bushings import bushing_forces
 from mechsim.simulation.dynamics.friction import DryJoint, dry_frictions, oppose
-from mechsim.simulation.equality_rows import RodPair
 from mechsim.simulation.mjcf.force_elements import (
     BUSHING_AXES,
     Actuators,
@@ -38,6 +39,9 @@ from mechsim.simulation.mjcf.link_inertias import with_accepted_inertia
 from mechsim.simulation.recording import States
 from mechsim.simulation.source import assembled, from_mechanism
 from mechsim.simulation.state import ONE_THREAD
+
+if TYPE_CHECKING:
+    from mechsim.numerics.banded import Band, SparseMatrices
 
 FIELDS = (
     *("M", "qacc", "qfrc_smooth", "qfrc_constraint", "qfrc_damper", "xpos", "xmat", "xipos", "ximat"),
@@ -78,6 +82,11 @@ class LoadedModel(ClosedModel):
     forces: Forces
     actuators: Actuators
     dry: Sequence[DryJoint]
+
+    @cached_property
+    def bands(self) -> "dict[bytes, tuple[NDArray[np.intp], Band | None]]":
+        """Orders in which the sparse equations of motion are banded."""
+        return {}
 
     @cached_property
     def joints(self) -> dict[str, int]:
@@ -141,7 +150,7 @@ class LoadedModel(ClosedModel):
         return AppliedForces(np.zeros((n, model.nu)), np.zeros((n, model.nv)), np.zeros((n, model.nbody, 6)))
 
     def look(self, model: mujoco.MjModel, states: States, applied: AppliedForces) -> Mapping[str, Array]:
-        """Return MuJoCo's fields at states under applied forces, and "inertia", the dense mass matrix."""
+        """Return MuJoCo's fields at states under applied forces."""
         n = len(states.qpos)
         sims = batch.Batch(model, n, *([1] if n <= ONE_THREAD else []))
         sims.bind("qpos")[:], sims.bind("qvel")[:] = states.qpos, states.qvel
@@ -150,12 +159,19 @@ class LoadedModel(ClosedModel):
             sims.bind("ctrl")[:] = applied.controls
         fields = {name: sims.bind(name) for name in FIELDS}
         sims.forward()
-        sparse = np.concatenate([fields["M"], np.zeros((n, 1))], 1)
-        inertia = sparse[:, self._dense_index]
+        return {name: np.array(field) for name, field in fields.items()}
+
+    def inertia(self, fields: Mapping[str, Array]) -> "SparseMatrices":
+        """Return the mass matrices, (nv, nv), from MuJoCo's fields."""
+        from mechsim.numerics.banded import SparseMatrices
+
+        rows, columns, index = self._inertia_entries
+        values, crank = fields["M"].T[index], self.loops.crank
         if self.loops.drivers is not None:
             # the path parameter advances steadily: its inertia, the mean, matters only to the solution method
-            inertia[:, self.loops.crank, self.loops.crank] = np.trace(inertia[0]) / len(inertia[0])
-        return {name: np.array(field) for name, field in fields.items()} | {"inertia": inertia}
+            diagonal = rows == columns
+            values[diagonal & (rows == crank)] = values[diagonal, 0].sum() / self.model.nv
+        return SparseMatrices(rows, columns, values, (self.model.nv, self.model.nv))
 
     def body(self, link: str) -> int:
         """Return the index of a link's body."""
@@ -170,20 +186,48 @@ class LoadedModel(ClosedModel):
 
     def cut_pairs(self, joint: Joint) -> list[int]:
         """Return the indices of the point pairs that close a loop at a joint; none for joints of the tree."""
-        names = [self.model.equality(i).name for i in range(self.model.neq)]
         # a joint of a file may have the name of the second pair, as in a file that mechsim wrote
-        others = {other.name for other in self.mechanism.joints} - {joint.name}
-        return [i for i, name in enumerate(names) if name in {joint.name, f"{joint.name}+"} - others]
+        second = f"{joint.name}+"
+        names = [joint.name] if second in self._joint_names else [joint.name, second]
+        return sorted(i for name in names for i in self._equalities.get(name, ()))
 
-    def equality(self, rod: RodPair) -> str:
-        """Return the name of the equality of a rod, that of its joint."""
-        return str(self.model.equality(rod.equality).name)
+    @cached_property
+    def _joint_names(self) -> frozenset[str]:
+        return frozenset(joint.name for joint in self.mechanism.joints)
+
+    @cached_property
+    def _equalities(self) -> dict[str, list[int]]:
+        """The indices of the equalities with each name."""
+        numbers: dict[str, list[int]] = {}
+        for i in range(self.model.neq):
+            numbers.setdefault(self.model.equality(i).name, []).append(i)
+        return numbers
+
+    @cached_property
+    def rods(self) -> dict[str, int]:
+        """Name of each rod's joint -> its index among the rods of the loops."""
+        names = [self.model.equality(rod.equality).name for rod in self.loops.rods]
+        return {name: names.index(name) for name in names}
+
+    @cached_property
+    def threads(self) -> dict[str, list[tuple[int, float]]]:
+        """Screw joint -> the numbers of its couplings among all, and their ratios."""
+        screws, threads = threads_of(self.mechanism), dict[str, list[tuple[int, float]]]()
+        for i, (name, law) in enumerate(self.mechanism.named_laws.items()):
+            if name in screws:
+                threads.setdefault(screws[name].name, []).append((i, law.ratio))
+        return threads
 
     def welded(self, joint: Joint) -> int | None:
         """Return the index of the frame pair that closes a loop at a joint; None if there is none."""
+        return self._welds.get(joint.name)
+
+    @cached_property
+    def _welds(self) -> dict[str, int]:
+        """Name of each weld -> its index among the frame pairs."""
         welds = np.flatnonzero(self.model.eq_type == int(mujoco.mjtEq.mjEQ_WELD))
         names = [self.model.equality(int(i)).name for i in welds]
-        return names.index(joint.name) if joint.name in names else None
+        return {name: names.index(name) for name in names}
 
     def ends(self, joint: Joint) -> tuple[str, str]:
         """Return the links that a joint of the model connects; for a split joint, one is its virtual body."""
@@ -216,15 +260,16 @@ class LoadedModel(ClosedModel):
         model.tendon_frictionloss[:] = 0.0
 
     @cached_property
-    def _dense_index(self) -> NDArray[np.intp]:
-        """Index of each element in MuJoCo's sparse mass matrix, -1 for omitted zeros, (nv, nv)."""
+    def _inertia_entries(self) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]:
+        """Rows and columns of the mass matrix, and the index of each entry in MuJoCo's, (e,) each."""
         model = self.model
-        index = np.full((model.nv, model.nv), -1, dtype=np.intp)
-        for row in range(model.nv):
-            first, count = int(model.M_rowadr[row]), int(model.M_rownnz[row])
-            columns = model.M_colind[first : first + count]
-            index[row, columns] = index[columns, row] = np.arange(first, first + count)
-        return index
+        rows, columns = np.repeat(np.arange(model.nv), model.M_rownnz), model.M_colind.astype(np.intp)
+        below, index = rows != columns, np.arange(len(rows))
+        return (
+            np.concatenate([rows, columns[below]]),
+            np.concatenate([columns, rows[below]]),
+            np.concatenate([index, index[below]]),
+        )
 
 
 def loaded_model(

@@ -23,7 +23,7 @@ def transmitted(
         fields: MuJoCo's fields of a model in which all forces act as wrenches on bodies.
         multipliers: of the loop constraints, (n, m); each acts on a pair's first point, which is on link a.
     """
-    rod = next((i for i, rod in enumerate(loaded.loops.rods) if loaded.equality(rod) == joint.name), None)
+    rod = loaded.rods.get(joint.name)
     if rod is not None:
         row = loaded.loops.rod_rows.start + rod
         force, points = rod_force(fields, loaded.loops.rods[rod], multipliers[:, row])

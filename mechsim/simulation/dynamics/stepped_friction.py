@@ -216,7 +216,8 @@ class UpdatedFriction:
         # batches accept no Python callback
         before = mujoco.get_mjcb_control()
         mujoco.set_mjcb_control(None)
-        jacobian = loops.linearise(data.qpos[None])[1]
+        sparse = loops.sparse(data.qpos[None])[1]
+        jacobian = loops.whole(sparse.values.T)
         mujoco.set_mjcb_control(before)
         scale, units = row_scale(model, jacobian.shape[1]), loops.units
         multipliers = np.zeros((1, jacobian.shape[1]))
@@ -227,7 +228,7 @@ class UpdatedFriction:
         wrenches = together(
             native(model.model, fields),
             loop_forces(model, fields, multipliers),
-            coupling_forces(model, fields, jacobian, multipliers),
+            coupling_forces(model, fields, sparse, multipliers),
         ).wrenches[0]
         scratch = self.data
         scratch.qpos[:], scratch.qvel[:] = data.qpos, data.qvel

@@ -1,6 +1,6 @@
 """The loop equations of a compiled model for numerical continuation along its crank angle."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -92,11 +92,10 @@ class ModelEquations:
 
     def sparse(self, q: ModelStates) -> "tuple[Array, SparseMatrices, None]":
         """Return residuals and Jacobians as `linearise`."""
-        from mechsim.numerics.banded import SparseMatrices
-
-        residual, jacobian, _ = self.linearise(q)
-        entries = jacobian[self.closure.entries]
-        return residual, SparseMatrices(*self.closure.entries, entries, jacobian.shape[:2]), None
+        residual, jacobian = self.closure.sparse(q.qpos)
+        scale = self.closure.scale
+        units = scale[jacobian.rows] * self.units[jacobian.columns]
+        return (residual * scale).T, replace(jacobian, values=jacobian.values * units[:, None]), None
 
     def displaced(self, q: ModelStates, step: Array) -> ModelStates:
         """Return states displaced by a step (nv, n) in the units of the DOFs."""
