@@ -57,7 +57,7 @@ class SparseMatrices:
     @property
     def transposed(self) -> "SparseMatrices":
         """The transposed matrices."""
-        return SparseMatrices(self.columns, self.rows, self.values, self.shape[::-1])
+        return SparseMatrices(self.columns, self.rows, self.values, (self.shape[1], self.shape[0]))
 
     def only(self, rows: NDArray[np.intp] | slice) -> "SparseMatrices":
         """Return the matrices with all entries but those of selected rows zero."""

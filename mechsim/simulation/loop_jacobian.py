@@ -171,9 +171,9 @@ def _sparse_solution(loops: ModelLoops, jacobian: "SparseMatrices", right: Array
     # those of nearly dependent rows by whole matrices, as many together as fit into memory
     others = np.flatnonzero(~valid)
     for first in range(0, len(others), loops.chunk):
-        some = others[first : first + loops.chunk]
-        whole = loops.whole(jacobian.values[:, some].T)
-        solutions[some] = solve(loops, whole, right[some, :, None])[..., 0]
+        which = others[first : first + loops.chunk]
+        whole = loops.whole(jacobian.values[:, which].T)
+        solutions[which] = solve(loops, whole, right[which, :, None])[..., 0]
     return solutions
 
 

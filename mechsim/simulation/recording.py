@@ -248,7 +248,7 @@ def _accelerated(
     rates = loops.posed.rates(np.array(bodies)[index], dofs, position[:, index])
     # the entries of a body follow one another; the ground has none
     moved, first = np.unique(index, return_index=True)
-    linear, angular = np.zeros((2, *position.shape))
+    linear, angular = np.zeros_like(position), np.zeros_like(position)
     for total, rate in zip((linear, angular), rates, strict=True):
         total[:, moved] = np.add.reduceat(rate * change[:, dofs, None], first, axis=1)
     new_links = {

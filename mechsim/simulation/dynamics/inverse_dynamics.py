@@ -236,12 +236,8 @@ def _least(
     if loaded.model.nv >= SPARSE and (solved := _sparse_least(loaded, rows, inertia, scale * right)):
         return solved[0], scale * solved[1]
     count = max(1, CHUNK_NUMBERS // loaded.model.nv**2)
-    solved = [
-        _whole_least(
-            *(each.select(slice(i, i + count)) for each in (rows, inertia)), (scale * right)[i : i + count]
-        )
-        for i in range(0, len(right), count)
-    ]
+    chunks = [slice(i, i + count) for i in range(0, len(right), count)]
+    solved = [_whole_least(rows.select(i), inertia.select(i), (scale * right)[i]) for i in chunks]
     x, multipliers = (np.concatenate(each) for each in zip(*solved, strict=True))
     return x, scale * multipliers
 
