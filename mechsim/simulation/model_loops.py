@@ -295,8 +295,8 @@ class ModelLoops:
             nonzero[first : first + (1 if pairs <= i < points else 3), dof] = True
         for i, coupling in enumerate(self.couplings, self.coupled_rows.start):
             nonzero[i, coupling.dofs] = True
-        nonzero[self.driven_rows, self.crank] = True
         if self.drivers is not None:
+            nonzero[self.driven_rows, self.crank] = True
             nonzero[self.driven_rows, self.drivers.dofs] |= np.eye(len(self.drivers.dofs), dtype=np.bool_)
         rows, columns = np.nonzero(nonzero)
         return rows, columns
