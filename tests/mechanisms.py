@@ -66,3 +66,26 @@ def swapped(mechanism: Mechanism) -> Mechanism:
 
 def everything() -> list[Mechanism]:
     return [rsup(), rscr(), bennett(), geared_five_bar()]
+
+
+def on_one_crank(item: Mechanism, other: Mechanism) -> Mechanism:
+    """Return two linkages on one crank."""
+    names = {name: f"{name}'" for name in [link.name for link in other.links]} | {other.driver: item.driver}
+    crank = item.crank.b.link
+    names[other.crank.b.link] = crank
+
+    def moved(end: End) -> End:
+        return replace(end, link=names.get(end.link, end.link))
+
+    joints = [
+        replace(joint, name=f"{joint.name}'", a=moved(joint.a), b=moved(joint.b))
+        for joint in other.joints
+        if joint.name != other.driver
+    ]
+    return replace(
+        item,
+        links=(*item.links, *(Link(names[k.name]) for k in other.links if names[k.name] != crank)),
+        joints=(*item.joints, *joints),
+        points={**item.points, **{f"{p}'": (names[link], at) for p, (link, at) in other.points.items()}},
+        guess={**item.guess, **{names[k]: v for k, v in other.guess.items() if names[k] != crank}},
+    )

@@ -16,37 +16,6 @@ from mechsim.kinematics.loops.start import all_closed, assembled, disturbed, sta
 from mechsim.mechanism.link_poses import guessed_poses
 
 
-def spherical(seed: int, *, reach: float = 1.0) -> ms.Mechanism:
-    """Return a spherical four-bar near an assembled pose; `reach` scales the arc of the coupler."""
-    rng = np.random.default_rng(seed)
-    axes = [item / np.linalg.norm(item) for item in rng.normal(size=(4, 3))]
-    frames = [np.linalg.qr(rng.normal(size=(3, 3)))[0] for _ in range(3)]
-    frames = [frame * np.linalg.det(frame) for frame in frames]
-    names = ("crank", "coupler", "rocker")
-
-    def end(link: int, axis: np.ndarray) -> ms.End:
-        own = axis if link < 0 else frames[link].T @ axis
-        return ms.End("ground" if link < 0 else names[link], axis=tuple(own.tolist()))
-
-    far_axis = axes[2] if reach == 1.0 else axes[1] + reach * (axes[2] - axes[1])
-    joints = (
-        ms.Joint("crank", "revolute", end(-1, axes[0]), end(0, axes[0])),
-        ms.Joint("A", "revolute", end(0, axes[1]), end(1, axes[1])),
-        ms.Joint("B", "revolute", end(1, far_axis), end(2, axes[2])),
-        ms.Joint("rocker", "revolute", end(-1, axes[3]), end(2, axes[3])),
-    )
-    rotated = joints[0].a.frame.T @ frames[0] @ joints[0].b.frame
-    start = float(np.arctan2(rotated[1, 0], rotated[0, 0]))
-    links = tuple(ms.Link(name) for name in names)
-    return ms.Mechanism("sphere", links, joints, "crank", {"P": ("rocker", (0.0, 0.1, 0.0))}, start=start)
-
-
-@pytest.mark.parametrize("seed", range(12))
-def test_a_spherical_four_bar_closes_without_a_guess(seed):
-    loops, q = assembled(spherical(seed))
-    assert np.abs(loops.linearise(q)[0]).max() < 1e-12
-
-
 @pytest.mark.long
 def test_an_open_loop_reports_a_driver_position_at_which_it_closes():
     def press(rod: float, start: float) -> ms.Mechanism:

@@ -2,11 +2,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from strategies import CLOSED, random_knitter
+from strategies import random_knitter
 
 import mechsim as ms
 from mechsim.kinematics.solvers import KinematicSolver
-from mechsim.kinematics.vector_method import triad
 
 REVOLUTION = 2 * np.pi
 # a longer crank 1 cannot turn fully
@@ -21,33 +20,6 @@ def angles_of(linkage: KinematicSolver, count: int = 12) -> np.ndarray:
     return low + (high - low) * (np.arange(count) + 0.37) / count
 
 
-def longest(linkage: KinematicSolver) -> float:
-    positions = [(0.0, 0.0), linkage.pivot2, linkage.pivot_rocker]
-    differences = [np.hypot(*np.subtract(p, q)) for p in positions for q in positions]
-    base = [
-        np.hypot(*p) for p in (linkage.base_c, linkage.base_k, np.subtract(linkage.base_c, linkage.base_k))
-    ]
-    return float(max(linkage.rod3, linkage.rod5, linkage.rocker, *differences, *base))
-
-
-def length_error(linkage: KinematicSolver, points: dict[str, np.ndarray]) -> float:
-    """Return the largest error of a link length relative to the longest link."""
-    fixed = {"O1": (0, 0), "O2": linkage.pivot2, "E": linkage.pivot_rocker}
-    pins = {**points, **{name: np.array([x, y, 0.0]) for name, (x, y) in fixed.items()}}
-    lengths = {
-        ("O1", "A"): linkage.crank1,
-        ("O2", "D"): linkage.crank2,
-        ("A", "B"): linkage.rod3,
-        ("D", "C"): linkage.rod5,
-        ("E", "K"): linkage.rocker,
-        ("B", "C"): np.hypot(*linkage.base_c),
-        ("B", "K"): np.hypot(*linkage.base_k),
-        ("C", "K"): np.hypot(*np.subtract(linkage.base_c, linkage.base_k)),
-    }
-    errors = [np.linalg.norm(pins[p] - pins[q], axis=-1) - length for (p, q), length in lengths.items()]
-    return float(max(np.abs(difference).max() for difference in errors)) / longest(linkage)
-
-
 def test_the_default_assembly_mode_matches_the_paper():
     linkage = ms.catalog.make("warp_knitter")
     motion = linkage.solve([0.0])
@@ -55,8 +27,6 @@ def test_the_default_assembly_mode_matches_the_paper():
     # printed with two and three decimals
     assert base.position[0, :2] == pytest.approx([0.00710, 0.07398], abs=0.6e-5)
     assert np.arctan2(base.rotation[0, 1, 0], base.rotation[0, 0, 0]) == pytest.approx(-1.558, abs=6e-4)
-    swing = np.ptp(linkage.solve(np.linspace(0, REVOLUTION, 1001)).joints["rocker"].value)
-    assert np.rad2deg(swing) == pytest.approx(37.6, abs=0.06)
 
 
 @pytest.mark.parametrize("assembly", [1, 2])
@@ -91,25 +61,6 @@ def test_assembly_modes_are_numbered_by_increasing_base_angle(seed):
     assert angles == sorted(angles)
 
 
-@pytest.mark.long
-@settings(max_examples=6)
-@given(seeds)
-def test_every_assembly_mode_at_a_crank_angle_is_listed(seed):
-    linkage = random_knitter(seed)
-    f = 0.8
-    listed = [(chosen["assembly"], points) for chosen, points in linkage.assembly_points(f)]
-    pivots = [(z.real, z.imag) for z in linkage.closed_form.pivots.positions(f)]
-    poses = triad.triad_modes(pivots, [(0, 0), linkage.base_c, linkage.base_k], linkage.closed_form.sides)
-    assert len(listed) == np.isfinite(poses[:, 0]).sum()
-    numbers = [number for number, _ in listed if number is not None]
-    assert sorted(numbers) == [other.assembly for other in linkage.assemblies(f)]
-    for number, points in listed:
-        assert length_error(linkage, {name: position[None] for name, position in points.items()}) <= CLOSED
-        if number is not None:
-            expected = linkage.with_parameters(assembly=number).positions([f])
-            assert max(np.abs(expected[name][0] - points[name]).max() for name in points) <= 1e-12
-
-
 def test_an_assembly_mode_without_a_path_from_zero_has_no_number():
     linkage = random_knitter(7)
     listed = [linkage.assembly_points(f) for f in np.linspace(0, REVOLUTION, 40)]
@@ -134,7 +85,9 @@ def test_poses_exist_only_up_to_the_dead_centres():
     offsets = np.logspace(-15, -6, 19)
     angles = np.concatenate([low + offsets, high - offsets])
     # Newton's method stalls at the square root of rounding where the assembly modes meet
-    assert length_error(SWINGING, SWINGING.positions(angles)) <= 1e-11
+    points = SWINGING.positions(angles)
+    for first, second, length in (("A", "B", SWINGING.rod3), ("D", "C", SWINGING.rod5)):
+        assert np.linalg.norm(points[first] - points[second], axis=1) == pytest.approx(length, rel=1e-11)
     for beyond in (low - 1e-6, high + 1e-6):
         with pytest.raises(ms.AssemblyError, match=r"its range is from 1\.89557 to 7\.17315 rad"):
             SWINGING.positions([beyond])

@@ -88,19 +88,6 @@ def test_loop_equations_and_closed_form_agree_through_change_points(which):
         assert largest_difference(result, exact, quantity) <= most, quantity
 
 
-@pytest.mark.parametrize("which", CHANGE_POINT_LINKAGES)
-def test_motions_are_continuous_at_change_points(which):
-    linkage = CHANGE_POINT_LINKAGES[which]
-    for change_point in linkage.change_points():
-        angles = change_point + np.array([-1e-3, -1e-6, -1e-9, -1e-13, 0.0, 1e-13, 1e-9, 1e-6, 1e-3])
-        motion = linkage.solve(angles)
-        for point in motion.points.values():
-            displacement = np.diff(point.position, axis=0)
-            assert np.abs(displacement - point.velocity[:-1] * np.diff(angles)[:, None]).max() <= 1e-5
-        for name, link in motion.links.items():
-            assert np.ptp(link.rotation[3:6], axis=0).max() <= 1e-9, name
-
-
 @pytest.mark.parametrize("which", WITH_BRANCHES)
 def test_the_branch_policy_keeps_the_assembly_sign(which):
     linkage = CHANGE_POINT_LINKAGES[which].with_change_point("branch")

@@ -1,9 +1,8 @@
 """Coincident change points: coupled wheels in a row whose rods are all collinear at once."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
+from mechanisms import on_one_crank
 from wheel_linkages import START, assert_equal_rotation, wheel_linkages
 
 import mechsim as ms
@@ -45,7 +44,7 @@ def test_two_linkages_on_one_crank_have_a_period_of_two_revolutions():
     # each has one change point per revolution and continues in its other assembly mode
     item = ms.catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.12, rocker=0.06)
     other = ms.catalog.make("four_bar", ground=0.09, crank=0.03, coupler=0.11, rocker=0.05)
-    solver = KinematicSolver(side_by_side(item.mechanism, other.mechanism))
+    solver = KinematicSolver(on_one_crank(item.mechanism, other.mechanism))
     assert len(solver.change_points()) == 1
     assert solver.period == KinematicSolver(item.mechanism).period == 4.0 * np.pi
     angle = np.r_[solver.change_points(), np.linspace(-1.0, 12.0, 60)]
@@ -55,29 +54,6 @@ def test_two_linkages_on_one_crank_have_a_period_of_two_revolutions():
         position = result.points["B" if linkage is item else "B'"]
         np.testing.assert_allclose(position.position, exact.points["B"].position, atol=1e-12)
         np.testing.assert_allclose(position.velocity, exact.points["B"].velocity, atol=1e-10)
-
-
-def side_by_side(item: ms.Mechanism, other: ms.Mechanism) -> ms.Mechanism:
-    """Two linkages in one plane on one crank."""
-    names = {name: f"{name}'" for name in [link.name for link in other.links]} | {other.driver: item.driver}
-    crank = item.crank.b.link
-    names[other.crank.b.link] = crank
-
-    def moved(end: ms.End) -> ms.End:
-        return replace(end, link=names.get(end.link, end.link))
-
-    joints = [
-        replace(joint, name=f"{joint.name}'", a=moved(joint.a), b=moved(joint.b))
-        for joint in other.joints
-        if joint.name != other.driver
-    ]
-    return replace(
-        item,
-        links=(*item.links, *(ms.Link(names[k.name]) for k in other.links if names[k.name] != crank)),
-        joints=(*item.joints, *joints),
-        points={"B": item.points["B"], "B'": (names[other.points["B"][0]], other.points["B"][1])},
-        guess={**item.guess, **{names[k]: v for k, v in other.guess.items() if names[k] != crank}},
-    )
 
 
 def test_nearly_coincident_change_points_are_rejected():

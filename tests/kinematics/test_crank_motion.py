@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from driven_mechanisms import five_bar
-from mechanisms import end_at
+from mechanisms import end_at, rsup
 from model_files import stated_mechanism
 
 import mechsim as ms
@@ -106,3 +106,17 @@ def test_links_with_a_passive_spin_are_reported(name, idle):
 
 def test_a_rod_that_spins_about_a_frame_axis_is_reported():
     assert ms.loops.solve(stated_mechanism("crank_motion_line.toml"), [0.0]).spinning == {"rod"}
+
+
+def test_crank_rates_are_scalars_or_one_per_angle():
+    mechanism, angles = rsup(), np.array([0.7, 0.8, 0.9])
+    even = ms.loops.solve(mechanism, angles, 1.3)
+    for speed in ([1.3], [1.3] * 3):
+        for acceleration in (0.0, [0.0], [0.0] * 3):
+            same = ms.loops.solve(mechanism, angles, speed, acceleration)
+            assert np.array_equal(same.acceleration, np.zeros(3))
+            for name, point in even.points.items():
+                assert np.array_equal(point.acceleration, same.points[name].acceleration)
+    for wrong in ([1.0, 2.0], np.nan, [1.0, np.inf, 1.0], [[1.0]]):
+        with pytest.raises(ms.InputError, match="the crank's speed must be finite; give one number, or 3"):
+            ms.loops.solve(mechanism, angles, wrong)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from change_point_linkages import CHANGE_POINT_LINKAGES, WITH_BRANCHES
+from change_point_linkages import CHANGE_POINT_LINKAGES
 from motions import largest_difference
 
 import mechsim as ms
@@ -38,42 +38,12 @@ def test_the_branch_selects_parallelogram_or_antiparallelogram(angles, speed, br
         assert deviation(ms.catalog.make("four_bar", **PARALLELOGRAM, branch=-branch), angles, speed) > 0.01
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("which", CHANGE_POINT_LINKAGES)
-@pytest.mark.parametrize("direction", [1.0, -1.0])
-def test_the_branch_applies_at_any_first_configuration(which, direction):
-    linkage = CHANGE_POINT_LINKAGES[which]
-    for first in [*np.linspace(-7.0, 7.0, 3), *linkage.change_points()]:
-        angles = first + direction * np.linspace(0.0, REVOLUTION, 41)
-        after = first + direction * np.array([0.0, 1e-3])
-        for branch in (1, -1):
-            solver = linkage.with_parameters(branch=branch)
-            assert solver.assembly_sign(solver.positions(after))[1] > 0.0
-            own = solver.solve(angles, direction)
-            # one more configuration does not change the assembly mode
-            more = solver.solve(np.append(angles, angles[-1] + direction), direction)
-            other = linkage.with_parameters(branch=-branch).solve(angles, direction)
-            name = list(own.points)[1]
-            scale = linkage.mechanism.characteristic_length
-            np.testing.assert_allclose(
-                own.points[name].position, more.points[name].position[:-1], atol=1e-12 * scale
-            )
-            assert np.abs(own.points[name].position - other.points[name].position).max() > 0.01 * scale
-
-
 @pytest.mark.parametrize("which", CHANGE_POINT_LINKAGES)
 def test_the_branch_applies_to_the_loop_equations(which):
     linkage = CHANGE_POINT_LINKAGES[which]
     angles = 3.7 + np.linspace(0.0, 3.0, 12)
     off = largest_difference(ms.loops.solve(linkage, angles), linkage.solve(angles))
     assert off <= 1e-12 * linkage.mechanism.characteristic_length
-
-
-@pytest.mark.parametrize("which", WITH_BRANCHES)
-def test_the_branch_policy_starts_with_its_sign(which):
-    linkage = CHANGE_POINT_LINKAGES[which].with_change_point("branch")
-    for first in (0.3, 2.0, 3.9, 5.5):
-        assert linkage.assembly_sign(linkage.positions([first, first + 1e-3]))[0] > 0.0
 
 
 def test_starting_at_an_angle_selects_the_assembly_mode():

@@ -13,10 +13,6 @@ from mechsim.mechanism.design_arrays import similar_designs
 from mechsim.numerics import continuation, loop_solver
 
 ANGLES = 2.0 * np.pi * np.arange(24) / 24
-JOINTS = {
-    "watt_six_bar": ("crank", 0.025, ("B", "output", "rocker")),
-    "quick_return": ("crank", 0.03, ("lever",)),
-}
 
 
 @cache
@@ -38,30 +34,6 @@ def together(mechanism, mechanisms, joints=(), *, angles=ANGLES, speed=1.0):
     started, which = similar_designs(mechanism, mechanisms)
     motion, valid = many_motion(loops, started, angles, speed, joints)
     return motion, np.isin(np.arange(len(mechanisms)), which[valid])
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("name", ["watt_six_bar", "quick_return"])
-def test_designs_solved_together_agree_with_single_designs(name):
-    parameter, middle, joints = JOINTS[name]
-    values = middle * np.linspace(0.9, 1.1, 7)
-    motion, reported = moved(name, parameter, values, joints)
-    assert reported.sum() >= 6
-    for i in np.flatnonzero(reported):
-        alone = solver(name, parameter, float(values[i])).solve(ANGLES, 3.0)
-        rows = slice(i * len(ANGLES), (i + 1) * len(ANGLES))
-        for point, exact in alone.points.items():
-            for quantity in ("position", "velocity", "acceleration"):
-                expected, result = getattr(exact, quantity), getattr(motion.points[point], quantity)[rows]
-                np.testing.assert_allclose(result, expected, atol=1e-11 * np.abs(expected).max())
-        for joint in joints:
-            exact, result = alone.joints[joint], motion.joints[joint]
-            np.testing.assert_allclose(np.unwrap(result.value[rows]), np.unwrap(exact.value), atol=1e-11)
-            for quantity in ("rate", "acceleration"):
-                expected = getattr(exact, quantity)
-                np.testing.assert_allclose(
-                    getattr(result, quantity)[rows], expected, atol=1e-11 * np.abs(expected).max()
-                )
 
 
 def test_designs_with_a_passive_spin_agree_with_the_closed_form():

@@ -3,27 +3,17 @@
 from dataclasses import replace
 
 import numpy as np
-import pytest
 from model_files import stated_mechanism
 
 from mechsim import loops, simulate
 from mechsim.io.readers import load
 from mechsim.io.toml_writer import to_toml
-from mechsim.kinematics.loops.start import start_poses, with_closed_guess
+from mechsim.kinematics.loops.start import with_closed_guess
 from mechsim.mechanism.joints import End, Joint
 from mechsim.mechanism.links import GROUND, Link, Pose
 
 # four revolute joints through one point, with an inaccurate guess
 SPHERICAL = stated_mechanism("start_values_spherical.toml")
-
-
-def test_links_without_a_guess_assemble_with_the_given_plate():
-    whole = load("stewart_gough").mechanism
-    plate = whole.guess["plate"]
-    alone = replace(whole, guess={"plate": Pose(plate.position + 0.005, plate.rotation)})
-    result = start_poses(alone)[0]["plate"]
-    assert result.position == pytest.approx(plate.position, abs=1e-12)
-    assert result.rotation == pytest.approx(plate.rotation, abs=1e-12)
 
 
 def test_both_methods_start_from_the_assembled_configuration():

@@ -115,39 +115,6 @@ def test_coordinates_are_read_back_from_poses(swap):
     assert_close(read.turns, moving.coordinates.turns, 1e-13)
 
 
-@pytest.mark.parametrize("swap", [0, 1])
-def test_the_order_of_links_does_not_change_their_poses(swap):
-    names = ("h", "c", "k", "shaft", "i", "a", "l", "f", "b", "e", "j", "d", "g", "m")
-    item, other = Moving(swap, None), spanning_tree(branched(swap, names))
-    poses = link_poses(other, item.coordinates)
-    for i, name in enumerate(names):
-        k = item.tree.links[name]
-        assert_close(poses.position[i], item.poses.position[k], 1e-15)
-        assert_close(poses.rotation[i], item.poses.rotation[k], 1e-15)
-    assert_close(poses.unit_twists, item.poses.unit_twists, 1e-15)
-
-
-def test_links_on_a_common_link_agree_with_separate_chains():
-    random, count = np.random.default_rng(4), 16
-    names = [f"l{i}" for i in range(count)]
-    ends = [
-        (end_at("hub", (0.1 * i, 0.2, -0.3 * i)), end_at(name, (0.4, 0.0, 0.1 * i)))
-        for i, name in enumerate(names)
-    ]
-    shaft = ms.Joint("shaft", "revolute", end_at(GROUND), end_at("hub", (0.1, 0.2, 0.3)))
-    joints = tuple(ms.Joint(name, "revolute", *pair) for name, pair in zip(names, ends, strict=True))
-    values = random.uniform(-3.0, 3.0, (count + 1, 4))
-
-    def positions(subset):
-        links = tuple(ms.Link(name) for name in ("hub", *(names[i] for i in subset)))
-        star = ms.Mechanism("star", links, (shaft, *(joints[i] for i in subset)), "shaft", {})
-        rows = values[[0, *(i + 1 for i in subset)]]
-        return link_poses(spanning_tree(star), Coordinates(rows, np.empty((0, 3, 3, 4)))).position[1:]
-
-    alone = np.concatenate([positions([i]) for i in range(count)])
-    assert_close(positions(range(count)), alone, 1e-15)
-
-
 @pytest.mark.long
 @pytest.mark.parametrize("swap", [0, 1])
 @pytest.mark.parametrize("sides", ["dh", "hd", "d-", "-d"])
@@ -187,39 +154,3 @@ def test_jacobian_and_velocity_products_are_derivatives_of_the_residual(kind, si
         "fixed": [xa * offset, ya * offset, za * offset, *aligned, xa * yb],
     }[kind]
     assert_close(residual, np.array([row.sum(1) for row in expected]), 1e-13)
-
-
-def test_a_tree_without_revolute_joints_has_its_exact_poses():
-    joints = (
-        ms.Joint(
-            "slide",
-            "prismatic",
-            end_at(GROUND, (0.1, 0.0, 0.0), (1.0, 2.0, 2.0)),
-            end_at("block", axis=(1.0, 2.0, 2.0)),
-        ),
-        ms.Joint("ball", "spherical", end_at("block", (0.0, 0.3, 0.0)), end_at("bob", (0.0, 0.0, 0.2))),
-    )
-    whole = ms.Mechanism("hung", (ms.Link("block"), ms.Link("bob")), joints, "slide", {})
-    rotation = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    poses = link_poses(spanning_tree(whole), Coordinates(np.full((4, 1), 0.6), rotation[None, ..., None]))
-    axis = np.array([1.0, 2.0, 2.0]) / 3.0
-    assert_close(poses.position[0, :, 0], np.array([0.1, 0.0, 0.0]) + 0.6 * axis, 1e-15)
-    assert_close(poses.position[1, :, 0], poses.position[0, :, 0] + np.array([0.0, 0.3, -0.2]), 1e-15)
-    assert_close(poses.rotation[1, ..., 0], rotation, 1e-15)
-
-
-@pytest.mark.parametrize("swap", [0, 1])
-def test_poses_of_stacked_designs_agree_with_single_designs(swap):
-    moving, trees = Moving(swap, None), [spanning_tree(branched(swap, seed=seed)) for seed in (3, 4)]
-    ends = [
-        tuple(np.stack(pair, -1) for pair in zip(*(branch.ends for branch in branches), strict=True))
-        for branches in zip(*(item.branches for item in trees), strict=True)
-    ]
-    branches = (replace(branch, ends=own) for branch, own in zip(trees[0].branches, ends, strict=True))
-    tree = replace(trees[0], branches=tuple(branches))
-    two = Coordinates(moving.coordinates.values[:, :2], moving.coordinates.turns[..., :2])
-    together = link_poses(tree, two)
-    for i, own in enumerate(trees):
-        alone = link_poses(own, Coordinates(two.values[:, [i]], two.turns[..., [i]]))
-        for quantity in ("position", "rotation", "unit_twists"):
-            assert_close(getattr(together, quantity)[..., i], getattr(alone, quantity)[..., 0], 1e-14)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from driven_mechanisms import circle_intersection, five_bar, sinusoidal
-from model_files import stated_mechanism
+from mechanisms import on_one_crank
 
 import mechsim as ms
 from mechsim.kinematics.loops.motion import driven_path, motion_along
@@ -76,28 +76,9 @@ def test_conditioning_is_the_smallest_scaled_singular_value():
     np.testing.assert_allclose(motion.conditioning, exact, rtol=1e-12)
 
 
-def duplicated(mechanism):
-    """Return a mechanism whose crank also drives a copy of all other links."""
-    crank = mechanism.crank.b.link
-    names = {link.name: f"{link.name}2" for link in mechanism.links if link.name != crank}
-    links = [replace(link, name=names[link.name]) for link in mechanism.links if link.name in names]
-    joints = [
-        replace(
-            joint,
-            name=f"{joint.name}2",
-            a=replace(joint.a, link=names.get(joint.a.link, joint.a.link)),
-            b=replace(joint.b, link=names.get(joint.b.link, joint.b.link)),
-        )
-        for joint in mechanism.joints
-        if joint is not mechanism.crank
-    ]
-    guess = {names[name]: pose for name, pose in mechanism.guess.items() if name in names}
-    both = replace(mechanism, links=(*mechanism.links, *links), joints=(*mechanism.joints, *joints))
-    return both.with_guess({**mechanism.guess, **guess}, mechanism.start)
-
-
 def test_polynomial_rates_agree_with_the_loop_equations():
-    path = driven_path(duplicated(ms.catalog.make("rssr").mechanism))
+    linkage = ms.catalog.make("rssr").mechanism
+    path = driven_path(on_one_crank(linkage, linkage))
     angle = path.initial + np.linspace(0.1, 2.0, 7)
     _, motion = motion_along(path, angle, np.ones(7), np.zeros(7))
     assert len(path.loops.tree.balls) == 2
@@ -119,27 +100,3 @@ def test_several_chunks_keep_the_order_of_instants():
     # measured 8e-17, 8e-17 and 4e-16
     for quantity, most in (("position", 1e-15), ("velocity", 1e-15), ("acceleration", 4e-15)):
         np.testing.assert_allclose(getattr(result, quantity), getattr(exact, quantity), rtol=0, atol=most)
-
-
-def test_a_slide_on_a_rotating_arm_has_its_coriolis_acceleration():
-    arm = stated_mechanism("tree_rates_arm.toml")
-    states = {"turn": sinusoidal(2.0, 0.3, 6.0, 0.2), "way": sinusoidal(0.02, 0.4, 9.0, 1.0)}
-    solver = KinematicSolver(arm, motion_laws=make_motion_laws(arm, states, 1.0))
-    times = np.linspace(0.0, 1.0, 12)
-    motion = solver.solve(t=times)
-    (angle, spin, angular_acceleration), (displacement, speed, slide_acceleration) = (
-        np.array(states[name](times)) for name in ("turn", "way")
-    )
-    out = np.stack([np.cos(angle), np.sin(angle), 0.0 * angle], 1)
-    across = np.cross([0.0, 0.0, 1.0], out)
-    position = (0.3 + displacement)[:, None] * out
-    velocity = speed[:, None] * out + (spin * (0.3 + displacement))[:, None] * across
-    acceleration = (slide_acceleration - (0.3 + displacement) * spin**2)[:, None] * out
-    acceleration += ((0.3 + displacement) * angular_acceleration + 2.0 * speed * spin)[:, None] * across
-    result = motion.points["P"]
-    for quantity, expected in (
-        ("position", position),
-        ("velocity", velocity),
-        ("acceleration", acceleration),
-    ):
-        np.testing.assert_allclose(getattr(result, quantity), expected, rtol=0, atol=1e-12, err_msg=quantity)

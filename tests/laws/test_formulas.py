@@ -19,6 +19,12 @@ EXACT_POINTS = {
     "slider_crank": ("B", exact.slider_crank_b),
     "rssr": ("P3", exact.rssr_p3),
 }
+# mechanism -> a number with the sign of its branch
+SIDES = {
+    "four_bar": lambda d, p: np.cross([d.ground, 0.0, 0.0] - p["A"], p["B"] - p["A"])[:, 2],
+    "slider_crank": lambda _, p: p["B"][:, 0] - p["A"][:, 0],
+}
+TWO_BRANCHES = ("four_bar", "slider_crank", "rssr", "rrsrr")
 QUANTITIES = ("position", "velocity", "acceleration")
 # roots found numerically take time
 COSTLY = ("looper", "warp_knitter")
@@ -66,10 +72,17 @@ def test_points_of_one_link_keep_their_distances(name, data):
 
 @pytest.mark.parametrize("name", EVERY)
 @given(st.data())
-def test_the_assembly_sign_is_positive(name, data):
+def test_the_assembly_sign_is_positive_and_negative_for_the_other_branch(name, data):
     linkage = data.draw(CASES[name].random)
     away = angles_of(linkage, lowest_transmission=1e-6)
-    assert (linkage.assembly_sign(linkage.positions(away)) >= 0.0).all()
+    points = linkage.positions(away)
+    assert (linkage.assembly_sign(points) >= 0.0).all()
+    if name in SIDES:
+        assert (np.sign(SIDES[name](linkage, points)) == linkage.branch).all()
+    if name in TWO_BRANCHES:
+        other = linkage.with_parameters(branch=-linkage.branch)
+        assert (linkage.assembly_sign(other.positions(away)) <= 0.0).all()
+        assert [twin.branch for twin in linkage.assemblies(away[0])] == [1, -1]
 
 
 @pytest.mark.parametrize("name", grid(CASES))

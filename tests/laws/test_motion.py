@@ -1,24 +1,45 @@
-"""Laws of motion of all mechanisms of the catalogue and the gallery, by every method.
+"""Laws of motion of all mechanisms of the catalogue and the gallery, and of all joints, by every method.
 
 Derivatives are differences of eighth order inside the test, and distances are those of the description.
 """
 
 from functools import cache
 
+import driven_mechanisms as machines
+import mechanisms as kinds
 import numpy as np
 import pytest
+from loop_laws import rates_by_six_coordinates
+from model_files import model_mechanism
 from strategies import EPS
 
 import mechsim as ms
 from mechsim.io import gallery
 from mechsim.io.toml_writer import to_toml
+from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.mechanism.links import GROUND
 from mechsim.mechanism.masses import with_inertia
+from mechsim.mechanism.motion_laws import make_motion_laws
 from mechsim.simulation import simulate
 
 # couplings by functions have tests of their own (test_coupling_functions.py, test_toml_cams.py)
 BY_FUNCTION = {"cam_follower", "geneva_drive"}
-NAMES = [name for name in (*ms.catalog.MECHANISMS, *gallery.files()) if name not in BY_FUNCTION]
+WITHOUT_GEARS = [*kinds.everything(), model_mechanism("rates_are_derivatives_rocking_slide.toml")]
+# swapping the sides of a coupled joint would reverse its coupling
+KINDS = {item.name: item for item in WITHOUT_GEARS}
+KINDS |= {f"{item.name}, sides swapped": kinds.swapped(item) for item in WITHOUT_GEARS}
+KINDS |= {"rack and cam": machines.rack_and_cam(), "press": machines.press()}
+KINDS |= {
+    name: model_mechanism(f"rates_are_derivatives_{name}.toml") for name in ("bevel_wheels", "racks", "plate")
+}
+WAVES = {
+    "driven five-bar": (machines.five_bar(), {"left": (2.0, 0.3, 6.0, 0.2), "right": (1.0, 0.4, 9.0, 1.0)}),
+    "driven boom": (machines.boom(), {"stroke": (0.8, 0.1, 2.0)}),
+    "plate on a tool": (machines.table(backwards=False), {"tool": (0.0, 1.0, 3.0)}),
+    "plate on a tool, sides swapped": (machines.table(backwards=True), {"tool": (0.0, 1.0, 3.0)}),
+}
+CATALOGUE = [name for name in (*ms.catalog.MECHANISMS, *gallery.files()) if name not in BY_FUNCTION]
+NAMES = [*CATALOGUE, *KINDS, *WAVES]
 STEP, MIDDLE, SPEED, ACCELERATION = 2e-3, 4, 1.3, -2.1
 WEIGHTS = np.array([1 / 280, -4 / 105, 1 / 5, -4 / 5, 0.0, 4 / 5, -1 / 5, 4 / 105, -1 / 280])
 # their loops have many bodies or many redundant equations
@@ -28,12 +49,30 @@ mechanisms = pytest.mark.parametrize(
 )
 
 
+@cache
+def solver_of(name):
+    """Return the solver of a mechanism."""
+    if name in CATALOGUE:
+        return ms.load(name)
+    if name in KINDS:
+        return KinematicSolver(KINDS[name])
+    mechanism, waves = WAVES[name]
+    laws = {driver: machines.sinusoidal(*wave) for driver, wave in waves.items()}
+    return KinematicSolver(mechanism, motion_laws=make_motion_laws(mechanism, laws, 2.0))
+
+
+def reachable(solver):
+    """Return an interval of crank angles; polynomials of polynomials keep a plate near its start."""
+    start = solver.mechanism.start
+    return (start, start + 0.5) if solver.mechanism.name == "plate" else solver.crank_range().arcs[0]
+
+
 def instants(solver):
     """Return the arguments of `solve` for nine instants, and their step."""
     if not solver.motion_laws.crank:
         end = solver.motion_laws.duration
         return {"t": 0.37 * end + 1e-3 * end * (np.arange(9) - MIDDLE)}, 1e-3 * end
-    low, high = solver.crank_range().arcs[0]
+    low, high = reachable(solver)
     time = STEP * (np.arange(9) - MIDDLE)
     angles = 0.6 * low + 0.4 * high + SPEED * time + 0.5 * ACCELERATION * time**2
     return {"angles": angles, "speed": SPEED + ACCELERATION * time, "acceleration": ACCELERATION}, STEP
@@ -42,7 +81,7 @@ def instants(solver):
 @cache
 def motion(name):
     """Return a solver, its motion at nine instants, and their step."""
-    solver = ms.load(name)
+    solver = solver_of(name)
     arguments, step = instants(solver)
     return solver, solver.solve(**arguments), step
 
@@ -78,7 +117,8 @@ def test_loops_close_and_points_keep_their_places_on_links(name):
     solver, result, _ = motion(name)
     length = solver.mechanism.characteristic_length
     poses = {link: ms.Pose(item.position, item.rotation) for link, item in result.links.items()}
-    angles = result.angle if solver.motion_laws.crank else result.time
+    driver = solver.mechanism.drivers[0]
+    angles = result.angle if solver.motion_laws.crank else result.joints[driver].value
     gaps, orientations = ms.loops.residual_norms(solver.mechanism, poses, angles)
     assert gaps.max() <= 64 * EPS * length
     assert orientations.max() <= 64 * EPS
@@ -88,31 +128,36 @@ def test_loops_close_and_points_keep_their_places_on_links(name):
 
 
 @mechanisms
-def test_loop_equations_have_the_motion_of_the_formula(name):
+def test_both_sets_of_loop_equations_have_the_same_motion(name):
+    """By tree coordinates, which formulas do not use, and by six coordinates of each link."""
     solver, result, _ = motion(name)
     if not solver.motion_laws.crank:
-        pytest.skip("without a formula for joint coordinates both are the loop equations")
-    other = ms.loops.solve(solver.mechanism, result.angle, result.speed, result.acceleration)
-    for kind, quantities in (
-        ("points", ("position", "velocity", "acceleration")),
-        ("links", ("rotation", "angular_velocity", "angular_acceleration")),
-        ("joints", ("rate", "acceleration")),
-    ):
-        # a link that spins passively has any rotation about its line
-        for item in getattr(result, kind).keys() - set(result.spinning):
-            measured = getattr(result, kind)[item]
-            for quantity in quantities:
-                expected = getattr(getattr(other, kind)[item], quantity)
-                limit = 1e-11 * max(1.0, np.abs(expected).max())
-                assert np.abs(getattr(measured, quantity) - expected).max() <= limit, (item, quantity)
+        pytest.skip("six coordinates know the angle of a crank")
+    poses = {link: ms.Pose(item.position, item.rotation) for link, item in result.links.items()}
+    state = result.angle, result.speed, result.acceleration
+    tree = ms.loops.solve(solver.mechanism, *state)
+    assert tree.joints.keys() == {name for joint in solver.mechanism.joints for name in joint.coordinates}
+    for other in (tree, rates_by_six_coordinates(solver.mechanism, poses, *state)):
+        for kind, quantities in (
+            ("points", ("position", "velocity", "acceleration")),
+            ("links", ("rotation", "angular_velocity", "angular_acceleration")),
+            ("joints", ("rate", "acceleration")),
+        ):
+            # a link that spins passively has any rotation about its line
+            for item in getattr(result, kind).keys() - set(result.spinning):
+                measured = getattr(result, kind)[item]
+                for quantity in quantities:
+                    expected = getattr(getattr(other, kind)[item], quantity)
+                    limit = 1e-11 * max(1.0, np.abs(expected).max())
+                    assert np.abs(getattr(measured, quantity) - expected).max() <= limit, (item, quantity)
 
 
 @mechanisms
 def test_mujoco_has_the_same_configurations_and_rates(name):
-    solver = ms.load(name)
-    low, high = solver.crank_range().arcs[0] if solver.motion_laws.crank else (0.0, 1.0)
+    solver = solver_of(name)
     laws = {"motion_laws": solver.motion_laws}
     if solver.motion_laws.crank:
+        low, high = reachable(solver)
         laws = {"speed": 1.3, "turns": 0.1 * min(1.0, (high - low) / (2.0 * np.pi))}
     run = simulate(solver, method="pose", samples=9, **laws).motion
     exact = solver.solve_as(run)

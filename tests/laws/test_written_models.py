@@ -14,8 +14,7 @@ tooth_forces_file undetermined_reactions_shaft
 """
 # texts of tables, parts of models, and what cannot be written
 OTHERS = """
-coupling_functions_model group_assemblies_text group_assemblies_text_2 joint_stops_chains
-load_text_varying
+coupling_functions_model joint_stops_chains load_text_varying
 start_of_guess_piston stops_at_rest_arm toml_writer_press undetermined_reactions_door urdf_loops_dialects
 window_regulator written_forces
 """

@@ -32,27 +32,32 @@ def chain(width: int) -> list[tuple[int, int]]:
     return [(i, i - k) for k in range(1, width + 1) for i in range(k, COUNT)]
 
 
-def systems(matrices: SparseMatrices) -> BandedSystems:
-    order = band(matrices, np.arange(COUNT), np.arange(COUNT))
+def systems(matrices: SparseMatrices, border: int = 0) -> tuple[BandedSystems, np.ndarray]:
+    """Return systems of these matrices, the last of whose equations are dense, and the dense matrices."""
+    dense, rows = matrices.dense.transpose(2, 0, 1), np.arange(COUNT - border)
+    stated = (pivot_columns(null_space(dense[0, rows]))[0][:border],) if border else ()
+    order = band(matrices, rows, np.arange(COUNT), *stated)
     assert order is not None
     # a chain of equations, each with the unknown before it, is within a diagonal or two of the main one
-    assert sum(order.widths) <= 4
-    return BandedSystems(order, matrices.values[order.entries])
+    assert border or sum(order.widths) <= 4
+    dense[:, COUNT - border :] = np.random.default_rng(3).standard_normal((3, border, COUNT))
+    values = matrices.values[order.entries]
+    return BandedSystems(order, values, *((dense[:, COUNT - border :],) if border else ())), dense
 
 
-@pytest.mark.parametrize("width", [1, 2])
-def test_a_shuffled_chain_is_solved_as_dense_matrices_are(width):
-    matrices, dense = shuffled(chain(width))
-    own = systems(matrices)
+@pytest.mark.parametrize(("width", "border"), [(1, 0), (2, 0), (2, 1), (2, 2)])
+def test_a_shuffled_chain_with_a_border_is_solved_as_dense_matrices_are(width, border):
+    matrices, _ = shuffled(chain(width))
+    if border:
+        matrices = replace(matrices, values=matrices.values[:, :1] * np.array([1.0, 0.99, 1.01]))
+    own, dense = systems(matrices, border)
+    close = {"rtol": 1e-8, "atol": 1e-10} if border else {"rtol": 1e-9, "atol": 1e-11}
     np.testing.assert_array_equal(own.dense, dense)
     right = np.random.default_rng(2).standard_normal((6, COUNT))
     expected = np.linalg.solve(np.tile(dense, (2, 1, 1)), right[..., None])[..., 0]
-    np.testing.assert_allclose(own.solution(right), expected, rtol=1e-9, atol=1e-11)
+    np.testing.assert_allclose(own.solution(right), expected, **close)
     expected = np.linalg.solve(dense.transpose(0, 2, 1), right[:3, :, None])[..., 0]
-    np.testing.assert_allclose(own.solution(right[:3], transposed=True), expected, rtol=1e-9, atol=1e-11)
-    np.testing.assert_allclose(
-        matrices.times(right[:3].T), np.einsum("nij,nj->in", dense, right[:3]), atol=1e-13
-    )
+    np.testing.assert_allclose(own.solution(right[:3], transposed=True), expected, **close)
     sign, logarithm = np.linalg.slogdet(dense)
     np.testing.assert_array_equal(own.determinant[0], sign)
     np.testing.assert_allclose(own.determinant[1], logarithm, rtol=1e-12)
@@ -60,28 +65,10 @@ def test_a_shuffled_chain_is_solved_as_dense_matrices_are(width):
     np.testing.assert_allclose(own.smallest_singular_values, values[:, -1], rtol=1e-9)
 
 
-@pytest.mark.parametrize("count", [1, 2])
-def test_a_band_with_a_border_of_dense_equations_is_solved_as_dense_matrices_are(count):
-    matrices, _ = shuffled(chain(2))
-    matrices = replace(matrices, values=matrices.values[:, :1] * np.array([1.0, 0.99, 1.01]))
-    dense, rows = matrices.dense.transpose(2, 0, 1), np.arange(COUNT - count)
-    stated = pivot_columns(null_space(dense[0, rows]))[0][:count]
-    order = band(matrices, rows, np.arange(COUNT), stated)
-    assert order is not None
-    border = np.random.default_rng(3).standard_normal((3, count, COUNT))
-    own = BandedSystems(order, matrices.values[order.entries], border)
-    dense[:, COUNT - count :] = border
-    np.testing.assert_array_equal(own.dense, dense)
-    right = np.random.default_rng(2).standard_normal((6, COUNT))
-    expected = np.linalg.solve(np.tile(dense, (2, 1, 1)), right[..., None])[..., 0]
-    np.testing.assert_allclose(own.solution(right), expected, rtol=1e-8, atol=1e-10)
-    expected = np.linalg.solve(dense.transpose(0, 2, 1), right[:3, :, None])[..., 0]
-    np.testing.assert_allclose(own.solution(right[:3], transposed=True), expected, rtol=1e-8, atol=1e-10)
-    sign, logarithm = np.linalg.slogdet(dense)
-    np.testing.assert_array_equal(own.determinant[0], sign)
-    np.testing.assert_allclose(own.determinant[1], logarithm, rtol=1e-12)
-    values = np.linalg.svd(dense, compute_uv=False)
-    np.testing.assert_allclose(own.smallest_singular_values, values[:, -1], rtol=1e-9)
+def test_products_of_sparse_matrices_are_those_of_dense_ones():
+    matrices, dense = shuffled(chain(2))
+    right = np.random.default_rng(2).standard_normal((3, COUNT))
+    np.testing.assert_allclose(matrices.times(right.T), np.einsum("nij,nj->in", dense, right), atol=1e-13)
 
 
 def test_damped_steps_of_sparse_equations_are_those_of_dense_matrices():
@@ -103,7 +90,7 @@ def test_a_singular_system_is_reported_and_has_the_singular_value_zero():
     matrices, _ = shuffled(chain(1))
     values = matrices.values.copy()
     values[(matrices.rows == 5), 1] = 0.0
-    own = systems(replace(matrices, values=values))
+    own, _ = systems(replace(matrices, values=values))
     with pytest.raises(np.linalg.LinAlgError):
         own.solution(np.ones((3, COUNT)))
     assert own.determinant[0].tolist()[1] == 0.0
