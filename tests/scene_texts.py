@@ -7,6 +7,7 @@ from mechsim.io.readers import load
 from mechsim.studies.scene.scene import scene_of
 
 FINGER = model_text("finger.xml")
+CONTROL, DRIVEN = {"servo": "0.5*sin(2*pi*t)"}, {"knuckle": "0.5*sin(2*pi*t)"}
 
 
 def scene(folder, *, ctrl=None, drive=None, text=FINGER, duration=0.5):

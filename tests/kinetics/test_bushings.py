@@ -7,12 +7,6 @@ from model_files import stated_mechanism
 from scipy.spatial.transform import Rotation
 
 import mechsim as ms
-from mechsim.kinetics import compiled_model as in_c
-from mechsim.kinetics.compiled_motion import evaluated
-from mechsim.kinetics.contacts import ContactMode, Contacts
-from mechsim.kinetics.equations_of_motion import equations_of_motion
-from mechsim.kinetics.initial_state import StateLayout
-from mechsim.kinetics.right_hand_side import RightHandSide
 from mechsim.mechanism.links import GROUND
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.studies.dynamics_check import crosscheck_driven
@@ -64,22 +58,6 @@ def between_two_links():
         ms.End("slider", (0.0, 0.01, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)),
     )
     return solver, ms.Forces(bushings=(replace(MOUNT, a=a, b=b),), gravity=tuple(GRAVITY))
-
-
-def test_the_c_code_has_the_same_forces():
-    for source, forces in ((BLOCK, WITH_MOUNT), between_two_links()):
-        model = ms.dynamics.dynamic_model(source, forces)
-        equations = equations_of_motion(model)
-        layout = StateLayout(equations)
-        rates = 0.3 * np.random.default_rng(1).normal(size=(equations.loops.tree.count, 1))
-        q = equations.loops.displaced(equations.start, rates)
-        state = layout.pack(q, rates, 0.0, 0.0)
-        contacts, mode = Contacts(equations), ContactMode(np.zeros(0))
-        expected = RightHandSide(equations, contacts, layout, mode).derivatives(np.zeros(1), state[None])[0]
-        result = evaluated(in_c.compiled_model(equations), state[None], np.zeros(1), mode)
-        np.testing.assert_allclose(result.derivatives[0], expected, rtol=1e-11, atol=1e-11)
-        _, potential = equations.energy(equations.kinematics(q, rates))
-        np.testing.assert_allclose(result.potential[0], potential, rtol=1e-12)
 
 
 def test_drive_torque_and_reactions_agree_with_mujoco():

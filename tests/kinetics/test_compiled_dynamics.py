@@ -2,13 +2,14 @@
 
 import stat
 import tomllib
-from dataclasses import fields
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from kinematics.test_exact_geometry import row_of_four_bars
+from kinetics.test_bushings import MOUNT
 from model_files import FOLDER, load_model
-from scipy.integrate import solve_ivp
 
 import mechsim as ms
 from mechsim.errors import InputError
@@ -24,8 +25,8 @@ from mechsim.mechanism.actuators import Actuator
 from mechsim.mechanism.bristle_friction import with_bristles
 from mechsim.mechanism.coupling_functions import TabledFunction, WrittenFunction
 from mechsim.mechanism.forces import Couple, Forces, Friction, JointSpring, Load, Spring, located
-from mechsim.mechanism.joint_kinds import KINDS, Kind
-from mechsim.mechanism.joints import Coupling, End, Joint
+from mechsim.mechanism.joint_kinds import KINDS
+from mechsim.mechanism.joints import Coupling
 from mechsim.mechanism.load_profile import constant, function, table
 from mechsim.mechanism.masses import slender_rod
 from mechsim.mechanism.motors import TorqueSpeedLine
@@ -146,6 +147,9 @@ TABLES = {
     "couple": Forces(
         couples=(Couple("coupler", table(ANGLES, np.stack([np.cos(ANGLES)] * 3, 1), smooth=True)),)
     ),
+    "bushing": Forces(
+        bushings=(replace(MOUNT, a=ms.End("coupler", (0.01, 0.0, 0.02)), b=ms.End("rocker", axis=(1, 0, 0))),)
+    ),
     "actuators": Forces(actuators=ACTUATORS, armature={"crank": 2e-4}),
 }
 
@@ -212,22 +216,14 @@ FUNCTIONS = {
 
 @pytest.mark.parametrize("name", FUNCTIONS)
 def test_coupling_functions_are_the_same_in_c_and_in_numpy(name):
-    """Two arms on the ground, of which one turns as a function of the other."""
+    """Two arms on the ground, of which one turns as a function of the other, also in its second period."""
     rod = slender_rod((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), 1.0)
     joints = [ms.Joint(n, "revolute", ms.End("ground"), ms.End(f"arm {n}")) for n in "ab"]
     law = Coupling("f", "b", "a", (), function=FUNCTIONS[name])
     links = tuple(ms.Link(f"arm {n}", inertia=rod) for n in "ab")
-    mechanism = ms.Mechanism("arms", links, tuple(joints), "a", {}, couplings=(law,))
-    equations = equations_of_motion(ms.dynamics.dynamic_model(mechanism, Forces(gravity=(0.0, -9.81, 0.0))))
-    model, layout = in_c.compiled_model(equations), StateLayout(equations)
-    right = RightHandSide(equations, Contacts(equations), layout, ContactMode(np.zeros(0)))
-    for moved in (0.05, -0.04, 4.0 if "periodic" in name else 0.06):
-        rates = np.full((2, 1), 0.7)
-        q = equations.loops.displaced(equations.start, moved * rates)
-        q, rates = projected(equations, q, rates, np.zeros(1))
-        state = layout.pack(q, rates, 0.0, 0.0)[None]
-        expected = right.derivatives(np.zeros(1), state)
-        result = evaluated(model, state, np.zeros(1), right.mode).derivatives
+    for start in (0.0, 4.0 if "periodic" in name else 0.03):
+        mechanism = ms.Mechanism("arms", links, tuple(joints), "a", {}, couplings=(law,), start=start)
+        expected, result = both(mechanism, 1, Forces(gravity=(0.0, -9.81, 0.0)))
         np.testing.assert_allclose(result, expected, rtol=1e-10, atol=1e-12 * np.abs(expected).max())
 
 
@@ -252,18 +248,6 @@ def test_what_c_does_not_contain_runs_in_numpy_with_a_note():
 
 
 @pytest.mark.long
-def test_a_run_under_a_load_table_is_the_same_in_c_and_in_numpy(monkeypatch):
-    """The third derivatives of the spline jump at the rows of the table, which steps do not know."""
-    times = np.linspace(0.0, 0.3, 16)
-    forces = Forces(crank_torque=table(times, 1e-3 * np.sin(20.0 * times), over="time", smooth=True))
-    fast = run_of(forces)
-    monkeypatch.setattr(in_c, "FORCES", set())
-    slow = run_of(forces)
-    assert (fast.executed, slow.executed) == ("C", "numpy")
-    assert np.abs(fast.motion.angle - slow.motion.angle).max() <= 1e-11
-
-
-@pytest.mark.long
 def test_a_run_beyond_a_load_table_names_the_table():
     loads = table([0.0, 0.1, 0.2], [1e-3, 2e-3, 0.0], over="time")
     with pytest.raises(InputError, match=r"load table covers time 0 to 0\.2, but the motion needs"):
@@ -278,23 +262,6 @@ def test_an_element_of_an_unknown_kind_is_not_ignored(monkeypatch):
     assert run_of(Forces()).executed == "C"
 
 
-# what the C code contains, or `_require_supported` leaves to numpy
-ATTRIBUTES = {
-    Friction: "joint viscous coulomb viscous_turn coulomb_turn coefficient pin_radius collar_radius "
-    "bearing_length static stribeck bristle_stiffness bristle_damping coupling",
-    Coupling: "name left right coefficients zeros turns pressure_angle function rope repeats belt backlash",
-    Joint: "name kind a b cross_angle lead length without_reference",
-    End: "link point axis reference has_reference",
-    Kind: "slides turns helical rod",
-}
-
-
-@pytest.mark.parametrize("described", ATTRIBUTES, ids=lambda described: described.__name__)
-def test_a_new_attribute_is_decided_for_the_c_code(described):
-    """It is added to the C code or to `_require_supported`, and then to the list: C would ignore it."""
-    assert [field.name for field in fields(described)] == ATTRIBUTES[described].split()
-
-
 @pytest.mark.long
 def test_an_element_that_c_lacks_is_noticed_in_the_accelerations(monkeypatch):
     monkeypatch.setattr(in_c, "spring_table", lambda _: np.zeros(0, in_c.record("Spring")))
@@ -303,113 +270,74 @@ def test_an_element_that_c_lacks_is_noticed_in_the_accelerations(monkeypatch):
     assert "changes the accelerations" in run.note
 
 
-def positions(run):
-    return np.stack([run.motion.points[name].position for name in "AB"])
-
-
-def test_a_run_is_the_same_in_c_and_in_numpy(monkeypatch):
-    fast = run_of()
-    monkeypatch.setattr(in_c, "FORCES", set())
-    slow = run_of()
-    assert (fast.executed, fast.note, slow.executed) == ("C", "", "numpy")
-    # both integrate with a relative error of 3e-13 a step
-    assert np.abs(positions(fast) - positions(slow)).max() <= 1e-12
-    assert fast.energy_error <= 1e-11
-
-
-@pytest.mark.parametrize("viscous", [1e-3, pytest.param(5.0, marks=pytest.mark.long)])
-def test_prescribed_motion_is_the_same_in_c_and_in_numpy(viscous, monkeypatch):
-    """The larger friction makes the other driver's motion stiff."""
-    friction = Friction("right", viscous=viscous), Friction("left", viscous=2e-3)
-    source = ms.load("five_bar", drive={"left": "0.2rad*sin(3*t)", "right": "1rad/s"})
-    model = ms.dynamics.dynamic_model(source, Forces(gravity=(0.0, -9.81, 0.0), friction=friction))
-    settings = {"prescribed": ["left"], "duration": 0.3, "samples": 20}
-    fast = ms.dynamics.run(model, **settings)
-    monkeypatch.setattr(in_c, "FORCES", set())
-    slow = ms.dynamics.run(model, **settings)
-    assert (fast.executed, slow.executed) == ("C", "numpy")
-    for name, joint in slow.motion.joints.items():
-        assert np.abs(fast.motion.joints[name].value - joint.value).max() <= 1e-12
-    for values, exact in (
-        (fast.work, slow.work),
-        (fast.lost, slow.lost),
-        (fast.driving["left"], slow.driving["left"]),
-    ):
-        assert np.abs(values - exact).max() <= 1e-11 * np.abs(exact).max()
-
-
 FILTER = Actuator("filter", {"crank": 1.0}, control_law("0.01+0.01*t", "filter"), inflow=(1e6, -1e6, 0, 0))
-STIFF = {
+TIMES = np.linspace(0.0, 0.3, 16)
+DRIVEN = {"model": "five_bar", "drive": {"left": "0.2rad*sin(3*t)", "right": "1rad/s"}}
+
+
+def drag(right):
+    """Return weight and viscous friction at both drivers of a five-bar."""
+    friction = Friction("right", viscous=right), Friction("left", viscous=2e-3)
+    return Forces(gravity=(0.0, -9.81, 0.0), friction=friction)
+
+
+# model, forces and options of a run
+RUNS = {
+    "free": ({"model": "four_bar"}, None, {}),
+    # third derivatives of the spline jump at the rows of the table, which steps do not know
+    "load table": (
+        {"model": "four_bar"},
+        Forces(crank_torque=table(TIMES, 1e-3 * np.sin(20.0 * TIMES), over="time", smooth=True)),
+        {},
+    ),
+    "prescribed": (DRIVEN, drag(1e-3), {"prescribed": ["left"]}),
+    "stiff under a prescribed motion": (DRIVEN, drag(5.0), {"prescribed": ["left"]}),
     # the speed of the crank approaches that of the motor within 1.2e-5 s
-    "motor": ("rssr", Forces(motor=TorqueSpeedLine(1.0, 62.8)), 0.03),
-    "damper": ("four_bar", Forces(springs=(Spring("B", ("ground", (0.3, -0.2, 0)), 5.0, 0.1, 1e4),)), 0.3),
-    "actuator": ("four_bar", Forces(actuators=(FILTER,)), 0.1),
+    "stiff motor": ({"model": "rssr"}, Forces(motor=TorqueSpeedLine(1.0, 62.8)), {"duration": 0.03}),
+    "stiff damper": (
+        {"model": "four_bar"},
+        Forces(springs=(Spring("B", ("ground", (0.3, -0.2, 0)), 5.0, 0.1, 1e4),)),
+        {},
+    ),
+    "stiff actuator": ({"model": "four_bar"}, Forces(actuators=(FILTER,)), {"duration": 0.1}),
 }
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("name", STIFF)
-def test_a_stiff_run_is_the_same_in_c_and_by_the_implicit_method_in_numpy(name, monkeypatch):
-    model, forces, duration = STIFF[name]
+@pytest.mark.parametrize("name", marked(RUNS, ["free", "prescribed"]))
+def test_a_run_is_the_same_in_c_and_in_numpy(name, monkeypatch):
+    """Both integrate with a relative error of 3e-13 a step; numpy integrates stiff runs implicitly."""
+    source, forces, options = RUNS[name]
 
     def run():
-        return ms.dynamics.run(model, forces, duration=duration, samples=20)
+        settings = {"duration": 0.3, "samples": 20} | options
+        return ms.dynamics.run(ms.load(source["model"], drive=source.get("drive")), forces, **settings)
 
     fast = run()
     monkeypatch.setattr(in_c, "FORCES", set())
     slow = run()
-    assert (fast.executed, slow.executed) == ("C", "numpy")
-    fastest = np.abs(slow.motion.speed).max()
-    assert np.abs(fast.motion.angle - slow.motion.angle).max() <= 1e-12
-    assert np.abs(fast.motion.speed - slow.motion.speed).max() <= 1e-10 * fastest
+    assert (fast.executed, fast.note, slow.executed) == ("C", "", "numpy")
+    for joint, exact in slow.motion.joints.items():
+        own, fastest = fast.motion.joints[joint], np.abs(exact.rate).max()
+        assert np.abs(own.value - exact.value).max() <= (1e-11 if name == "load table" else 1e-12)
+        assert np.abs(own.rate - exact.rate).max() <= 1e-10 * fastest
     exchanged = max(slow.kinetic.max(), np.ptp(slow.potential))
-    for energies in ((fast.work, slow.work), (fast.lost, slow.lost)):
-        assert np.abs(energies[0] - energies[1]).max() <= 1e-10 * exchanged
-    assert fast.steps <= 1.5 * slow.steps
+    for values, exact in ((fast.work, slow.work), (fast.lost, slow.lost)):
+        assert np.abs(values - exact).max() <= 1e-10 * exchanged
+    for driver, exact in slow.driving.items():
+        assert np.abs(fast.driving[driver] - exact).max() <= 1e-11 * np.abs(exact).max()
+    if "stiff" in name:
+        assert fast.steps <= 1.5 * slow.steps
 
 
-def row_of_parallel_cranks(count):
-    """Return a mechanism of 1 m rods: cranks 1 m apart, coupled in a row."""
-    rod, tip = slender_rod((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), 1.0), (1.0, 0.0, 0.0)
-    upright = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    pivots = [(float(i), 0.0, 0.0) for i in range(count + 1)]
-    joints = [
-        ms.Joint(f"A{i}", "revolute", ms.End("ground", p), ms.End(f"crank{i}")) for i, p in enumerate(pivots)
-    ]
-    for i in range(count):
-        for name, k, point in (("B", i, (0.0, 0.0, 0.0)), ("C", i + 1, tip)):
-            ends = ms.End(f"crank{k}", tip), ms.End(f"rod{i}", point)
-            joints.append(ms.Joint(f"{name}{i}", "revolute", *ends))
-    guess = {f"crank{i}": ms.Pose(np.array(p), upright) for i, p in enumerate(pivots)}
-    guess |= {f"rod{i}": ms.Pose(np.array([float(i), 1.0, 0.0]), np.eye(3)) for i in range(count)}
-    links = tuple(ms.Link(name, inertia=rod) for name in guess)
-    points = {"P": (f"crank{count}", tip)}
-    return ms.Mechanism("row", links, tuple(joints), "A0", points, guess=guess, start=np.pi / 2.0)
+def positions(run):
+    return np.stack([run.motion.points[name].position for name in "AB"])
 
 
 def test_rows_of_loops_eliminated_in_their_order_are_the_same_in_c_and_in_numpy():
     """Three rows of five are dependent; those of five loops are eliminated by the largest norm."""
     for count in (5, 30):
-        expected, result = both(row_of_parallel_cranks(count), 4)
+        expected, result = both(row_of_four_bars(count), 4)
         assert np.abs(result - expected).max() <= 1e-10 * np.abs(expected).max()
-
-
-@pytest.mark.long
-def test_a_row_of_thirty_loops_runs_in_c():
-    """The cranks stay parallel: ((N + 1) / 3 + N) a'' = -((N + 1) / 2 + N) g cos a, in [m]."""
-    n, gravity = 30, 9.81
-    model = ms.dynamics.dynamic_model(row_of_parallel_cranks(n), Forces(gravity=(0.0, -gravity, 0.0)))
-    run = ms.dynamics.run(model, initial={"A0.v": -1.0}, duration=0.3, samples=3, tolerance=1e-10)
-    ratio = ((n + 1) / 2 + n) * gravity / ((n + 1) / 3 + n)
-
-    def cranks(_, y):
-        return y[1], -ratio * np.cos(y[0])
-
-    start = (np.pi / 2.0, -1.0)
-    exact = solve_ivp(cranks, (0.0, 0.3), start, "DOP853", run.time, rtol=1e-13, atol=1e-14)
-    assert run.executed == "C"
-    for name in ("A0", f"A{n}"):
-        assert np.abs(run.motion.joints[name].value - exact.y[0]).max() < 1e-9
 
 
 @pytest.mark.parametrize("tolerance", [1e-6, 1e-9])

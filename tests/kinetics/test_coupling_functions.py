@@ -9,22 +9,12 @@ import mechsim as ms
 MODEL = model_text("coupling_functions_model.toml")
 
 
-def load(folder, text, **options):
-    path = folder / "model.toml"
-    path.write_text(text)
-    return ms.load(str(path), **options)
-
-
-def law(q):
-    return 0.3 * np.sin(3 * q) + 0.1 * q, 0.9 * np.cos(3 * q) + 0.1, -2.7 * np.sin(3 * q)
-
-
 @pytest.mark.long
-def test_a_table_is_a_cubic_spline_that_advances_by_its_period(tmp_path):
+def test_a_table_is_a_cubic_spline_that_advances_by_its_period(file, tmp_path):
     q = np.linspace(0.0, 2 * np.pi, 65)
     rows = "\n".join(f"{a!r},{b!r}" for a, b in zip(q.tolist(), (q + 0.2 * np.sin(q)).tolist(), strict=True))
     (tmp_path / "law.csv").write_text(f"q,value\n{rows}\n")
-    model = load(tmp_path, MODEL + 'function = "law.csv"\nperiodic = true\n')
+    model = ms.load(file(MODEL + 'function = "law.csv"\nperiodic = true\n'))
     angles = np.linspace(-3.0, 20.0, 200)
     own = model.solve(angles, speed=1.0).joints["out"]
     # error of a cubic spline: 5/384 h^4 max f'''' (de Boor, ch. 5)
@@ -35,15 +25,15 @@ def test_a_table_is_a_cubic_spline_that_advances_by_its_period(tmp_path):
 
 
 @pytest.mark.long
-def test_a_motion_beyond_the_table_ends_with_an_outcome(tmp_path):
+def test_a_motion_beyond_the_table_ends_with_an_outcome(file, tmp_path):
     rows = "\n".join(f"{q},{0.5 * q}" for q in np.linspace(-1.0, 1.0, 9))
     (tmp_path / "t.csv").write_text(f"q,value\n{rows}\n")
-    model = load(tmp_path, MODEL + 'function = "t.csv"\n')
+    model = ms.load(file(MODEL + 'function = "t.csv"\n'))
     assert np.abs(model.solve([0.0, 0.9]).joints["out"].value - [0.0, 0.45]).max() < 1e-14
     with pytest.raises(ms.AssemblyError, match="cannot pass 1 rad"):
         model.solve([0.0, 1.5])
     # released upright it falls beyond the table
-    free = load(tmp_path, MODEL.replace('drivers = ["in"]', "") + 'function = "t.csv"\n', still=True)
+    free = ms.load(file(MODEL.replace('drivers = ["in"]', "") + 'function = "t.csv"\n'), still=True)
     run = ms.dynamics.run(free, initial={"in.q": 0.5, "in.v": 5.0}, duration=1.0)
     assert run.outcome not in ("done", "stopped")
     assert run.motion.joints["in"].value.max() <= 1.0 + 1e-9

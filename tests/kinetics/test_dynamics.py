@@ -12,7 +12,6 @@ from mechsim.kinetics import prescribed_motion
 from mechsim.kinetics.reduced_equation import kinetic_energy_of_links
 from mechsim.mechanism.forces import Forces, Friction, JointSpring, Load, Spring
 from mechsim.mechanism.links import GROUND, Inertia
-from mechsim.mechanism.masses import slender_rod
 
 GRAVITY = (0.3, -9.81, 2.1)
 REVOLUTION = 2.0 * np.pi
@@ -53,60 +52,6 @@ def test_virtual_power_and_newton_euler_give_the_same_torque(linkage):
     scale = np.abs(study.forces.torque).max()
     assert np.abs(study.second_torque - study.forces.torque).max() <= 1e-12 * scale
     assert study.forces.residual.max() <= 1e-12
-
-
-def test_derivatives_of_inertia_and_energy_agree_with_fourier_series(linkage):
-    model = dynamics.dynamic_model(linkage, Forces(gravity=GRAVITY, springs=all_forces(linkage).springs))
-    reduced = dynamics.reduced(model, np.arange(256) * (REVOLUTION / 256))
-
-    def derivative(values):
-        waves = np.fft.rfft(values)
-        waves[np.abs(waves) < 1e-15 * np.abs(waves).max()] = 0.0
-        return np.fft.irfft(1j * np.arange(129) * waves)
-
-    assert (
-        np.abs(derivative(reduced.inertia) - reduced.inertia_derivative).max()
-        <= 1e-9 * np.abs(reduced.inertia_derivative).max()
-    )
-    assert np.abs(derivative(reduced.energy) + reduced.static).max() <= 1e-9 * np.abs(reduced.static).max()
-
-
-@pytest.mark.parametrize("name", ["four_bar", "rssr", "rrsrr", "looper"])
-def test_closed_form_and_loop_equations_give_the_same_forces(name):
-    linkage = catalog.make(name)
-    angles = np.linspace(0.2, 2.0, 7)
-    closed = dynamics.prescribed(dynamics.dynamic_model(linkage, all_forces(linkage)), angles, 80.0).forces
-    loops = dynamics.prescribed(
-        dynamics.dynamic_model(linkage.mechanism, all_forces(linkage)), angles, 80.0
-    ).forces
-    assert np.abs(closed.torque - loops.torque).max() <= 1e-11 * np.abs(closed.torque).max()
-    most = max(np.abs(item.force).max() for item in closed.reactions.values())
-    for joint, item in closed.reactions.items():
-        assert np.abs(item.force - loops.reactions[joint].force).max() <= 1e-10 * most
-
-
-def with_slender_rods(linkage, masses):
-    return with_inertias(
-        linkage.mechanism,
-        **{
-            link: slender_rod((0.0, 0.0, 0.0), end, mass)
-            for (link, end), mass in zip(RODS[linkage.name](linkage).items(), masses, strict=True)
-        },
-    )
-
-
-RODS = {
-    "rssr": lambda d: {
-        "crank": (0.0, d.crank, 0.0),
-        "coupler": (-d.coupler, 0.0, 0.0),
-        "rocker": (d.rocker, 0.0, 0.0),
-    },
-    "four_bar": lambda d: {
-        "crank": (d.crank, 0.0, 0.0),
-        "coupler": (d.coupler, 0.0, 0.0),
-        "rocker": (d.rocker, 0.0, 0.0),
-    },
-}
 
 
 def test_the_reduced_equation_gives_the_same_torque(linkage):
@@ -181,26 +126,6 @@ def test_planar_mechanisms_have_undetermined_out_of_plane_reactions():
         assert all(item.undetermined == () for item in spatial.forces.reactions.values())
 
 
-def test_a_passive_spin_does_not_change_forces():
-    """The spin of a round rod changes neither torque nor forces, apart from its small inertia."""
-    free = catalog.make("rssr")
-    guided = free.with_parameters(guide=True)
-    thin = {}
-    for linkage in (free, guided):
-        model = dynamics.dynamic_model(
-            linkage, Forces(gravity=GRAVITY), mechanism=with_slender_rods(linkage, (0.3, 0.7, 0.5))
-        )
-        thin[linkage.guide] = dynamics.prescribed(model, ANGLES, 30.0).forces
-    assert np.allclose(
-        thin[True].torque,
-        thin[False].torque,
-        rtol=0.0,
-        atol=1e-5 * np.abs(thin[False].torque).max(),
-    )
-    force = thin[False].reactions["P3"].force
-    assert np.allclose(thin[True].reactions["P3"].force, force, atol=1e-5 * np.abs(force).max())
-
-
 def test_friction_in_a_universal_joint_acts_on_both_angles():
     linkage = catalog.make("rssr", guide=True)
     model = dynamics.dynamic_model(linkage, Forces(friction=(Friction("P2", 1e-3),)))
@@ -214,15 +139,6 @@ def test_friction_in_a_universal_joint_acts_on_both_angles():
 
     rates = w * (8.0 * (angles(f + h) - angles(f - h)) - angles(f + 2 * h) + angles(f - 2 * h)) / (12.0 * h)
     assert study.forces.power_lost == pytest.approx(1e-3 * (rates**2).sum(1), rel=1e-8)
-
-
-def test_a_flywheel_needs_torque_only_to_accelerate():
-    linkage = catalog.make("four_bar")
-    bare, heavy = (dynamics.dynamic_model(linkage, Forces(flywheel=j)) for j in (0.0, 0.01))
-    steady = [dynamics.prescribed(model, ANGLES, 10.0).forces.torque for model in (bare, heavy)]
-    assert np.allclose(*steady, atol=1e-15)
-    gaining = [dynamics.prescribed(model, ANGLES, 10.0, 5.0).forces.torque for model in (bare, heavy)]
-    assert gaining[1] - gaining[0] == pytest.approx(np.full(len(ANGLES), 0.05), rel=1e-10)
 
 
 def test_the_required_flywheel_limits_the_speed_fluctuation():

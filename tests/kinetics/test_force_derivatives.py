@@ -70,23 +70,3 @@ def test_derivatives_of_forces_agree_with_finite_differences(name, forces, dimen
         assert np.abs((a - 8 * b + 8 * c - d) / (12 * step) - reported[column]).max() <= 2e-7 * max(
             scale, 1e-3
         )
-
-
-def test_derivatives_by_the_position_of_a_spring_are_exact():
-    designs = own_designs(catalog.make("four_bar"))
-
-    def forces(values):
-        return Forces(springs=(Spring("C", ("ground", (values.get("crank", 0.032), 0.1, 0.0)), 80.0, 0.02),))
-
-    def numbers(values):
-        return model_numbers(with_inertia(designs.describe({}), diameter=0.004), forces(values))
-
-    model = dynamics.dynamic_model(designs.make({}), forces({}), diameter=0.004)
-    result = force_derivatives(model, changes(designs, ["crank"], numbers))
-    perturbed = [
-        dynamics.prescribed(model.with_forces(forces({"crank": 0.032 + step})), ANGLES, 1.0).forces.torque
-        for step in (-1e-6, 1e-6)
-    ]
-    reported = result.by["crank"]["torque"]
-    assert np.abs(reported).max() > 0.1
-    assert np.abs((perturbed[1] - perturbed[0]) / 2e-6 - reported).max() <= 1e-7 * np.abs(reported).max()

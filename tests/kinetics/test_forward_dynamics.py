@@ -7,8 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from pendulums import GRAVITY, WEIGHT, slider
-from scipy.integrate import solve_ivp
+from pendulums import WEIGHT, slider
 
 import mechsim as ms
 from mechsim.kinetics.right_hand_side import crossing
@@ -24,18 +23,14 @@ def test_coupled_four_bars_pass_a_singular_configuration():
     assert np.abs(run.motion.points["B0"].position[1:, :2] - a02_four_bars.tip(angle)).max() <= 1e-10
 
 
-@pytest.mark.slow
-def test_coupled_four_bars_pass_five_singular_configurations_accurately():
-    run = ms.dynamics.run(a02_four_bars.chain(2), WEIGHT, initial={"A0.v": -1.3}, duration=6.0, samples=12)
-    right = [np.pi / 2.0, -1.3]
-    exact = solve_ivp(
-        lambda _, y: [y[1], -3.5 * GRAVITY / 3.0 * np.cos(y[0])],
-        (0.0, 6.0), right, "DOP853", run.time, rtol=2.3e-14, atol=1e-14,
-    )  # fmt: skip
-    error = np.abs(run.motion.points["B0"].position[:, :2] - a02_four_bars.tip(exact.y[0])).max()
-    # measured 2.3e-11; extrapolation across the configurations gave 2.9e-9
-    assert error <= 3e-10
-    assert run.energy_error <= 1e-9
+@pytest.mark.long
+def test_a_row_of_thirty_loops_runs_in_c():
+    start, options = {"A0.v": -1.0}, {"duration": 0.3, "samples": 3, "tolerance": 1e-10}
+    run = ms.dynamics.run(a02_four_bars.chain(30), WEIGHT, initial=start, **options)
+    angle, _ = a02_four_bars.exact(30, run.time)
+    assert run.executed == "C"
+    for name in ("A0", "A30"):
+        assert np.abs(run.motion.joints[name].value - angle).max() < 1e-9
 
 
 # the coupled four-bars reach their first singular configuration after 0.63743126 s
@@ -94,13 +89,10 @@ def test_bricards_overconstrained_linkage_keeps_its_energy():
     assert run.energy_error <= 1e-10
 
 
-def test_a_start_at_a_change_point_is_rejected():
+def test_a_parallelogram_passes_its_change_point_as_one():
     parallelogram = ms.catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.1, rocker=0.04)
-    with pytest.raises(ms.InputError, match="initial configuration is singular"):
-        ms.dynamics.run(parallelogram, WEIGHT, initial={"crank.q": 0.0}, duration=0.1)
     run = ms.dynamics.run(parallelogram, WEIGHT, initial={"crank.q": "20deg"}, duration=0.3, samples=30)
     assert run.outcome == "done"
-    # it passes the change point as a parallelogram
     crank, rocker = (run.motion.joints[name].value for name in ("crank", "rocker"))
     assert crank.min() < -0.1
     assert np.ptp(np.abs(crank) - np.abs(rocker)) < 1e-7
@@ -133,20 +125,14 @@ def test_independent_coordinates_without_initial_values_keep_their_start_at_rest
     # rates solve linear equations of the loops: rounding was 1.2e-15 with AVX-512 kernels, 6e-16 with others
     assert start["left"] == pytest.approx((np.deg2rad(100.0), 1.0), abs=4e-15)
     assert start["right"] == pytest.approx((np.deg2rad(right), 0.0), abs=4e-15)
-    # the tool is the upper intersection of circles about the elbows; its velocity v is perpendicular to the
-    # right forearm, and along the left one it is that of the left elbow
-    half, arm, forearm = 0.030, 0.060, 0.080
-    angles = np.deg2rad([100.0, right])
-    left, other = np.array([[-half, 0.0], [half, 0.0]]) + arm * np.stack([np.cos(angles), np.sin(angles)], 1)
-    gap = 0.5 * (other - left)
-    height = np.sqrt(forearm**2 - gap @ gap) / np.linalg.norm(gap)
-    tool = left + gap + height * np.array([-gap[1], gap[0]])
-    rows = np.stack([tool - left, tool - other])
-    elbow_velocity = arm * np.array([-np.sin(angles[0]), np.cos(angles[0])])
-    velocity = np.linalg.solve(rows, [rows[0] @ elbow_velocity, 0.0])
+    # both forearms keep their lengths; elbows are 60 mm from pivots 60 mm apart
     (point,) = motion.points.values()
-    assert point.position[0, :2] == pytest.approx(tool, abs=1e-14)
-    assert point.velocity[0, :2] == pytest.approx(velocity, abs=1e-13)
+    for pivot, (angle, rate) in ((-0.03, start["left"]), (0.03, start["right"])):
+        direction = np.array([np.cos(angle), np.sin(angle)])
+        forearm = point.position[0, :2] - [pivot, 0.0] - 0.06 * direction
+        assert np.linalg.norm(forearm) == pytest.approx(0.08, abs=1e-14)
+        elbow_velocity = 0.06 * rate * np.array([-direction[1], direction[0]])
+        assert forearm @ (point.velocity[0, :2] - elbow_velocity) == pytest.approx(0.0, abs=1e-14)
 
 
 def test_singular_configurations_in_a_run_are_those_with_both_forearms_in_line():

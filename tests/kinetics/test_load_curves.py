@@ -4,20 +4,13 @@ import json
 
 import numpy as np
 import pytest
-from model_files import model_text
+from model_files import changed_model
 
 import mechsim as ms
 from mechsim.kinetics.model import dynamic_model
 
 STIFFNESS, REST = 1000.0, 1.05
-TRUSS = model_text("load_curves_truss.toml")
-
-
-@pytest.fixture
-def truss(tmp_path):
-    path = tmp_path / "truss.toml"
-    path.write_text(TRUSS)
-    return path
+TRUSS = "load_curves_truss.toml"
 
 
 def load_at(y):
@@ -27,9 +20,9 @@ def load_at(y):
 
 
 @pytest.mark.long
-def test_the_truss_of_von_mises(truss):
+def test_the_truss_of_von_mises():
     """Its limit points are at y^2 = (L0 b^2)^(2/3) - b^2."""
-    curve = ms.dynamics.load_curve(str(truss), "P.y", between=(-0.5, 0.5))
+    curve = ms.dynamics.load_curve(changed_model(TRUSS), "P.y", between=(-0.5, 0.5))
     assert curve.displacement.min() < -0.48
     assert curve.displacement.max() > 0.48
     assert np.abs(curve.load - load_at(curve.displacement)).max() < 1e-9
@@ -44,14 +37,14 @@ def test_the_truss_of_von_mises(truss):
 
 
 @pytest.mark.long
-def test_a_load_beyond_the_limit_point_snaps_through(truss):
+def test_a_load_beyond_the_limit_point_snaps_through():
     """A dead load 1 % below the limit stays above it with damping, one 1 % above goes to the other side."""
     limit = load_at(np.sqrt(REST ** (2.0 / 3.0) - 1.0))
     ends = []
     for factor in (0.99, 1.01):
         load = f'[forces.loads.down]\nat = "P"\nforce = [0, {factor * limit:.17g}, 0]\n'
-        truss.write_text(TRUSS + load + "[forces.friction.height]\nviscous = 20\n")
-        run = ms.dynamics.run(str(truss), initial={"height.q": 0.25}, duration="8s", until="P.y=-0.1")
+        path = changed_model(TRUSS, more=load + "[forces.friction.height]\nviscous = 20\n")
+        run = ms.dynamics.run(path, initial={"height.q": 0.25}, duration="8s", until="P.y=-0.1")
         ends.append((run.outcome, run.motion.points["P"].position[-1, 1]))
     assert [outcome for outcome, _ in ends] == ["time over", "done"]
     assert abs(load_at(ends[0][1]) / (0.99 * limit) - 1.0) < 1e-3
@@ -69,9 +62,9 @@ def test_the_curve_of_a_crank_is_that_of_inverse_dynamics():
 
 
 @pytest.mark.long
-def test_the_command_prints_limit_points(truss, tmp_path, mechsim):
+def test_the_command_prints_limit_points(tmp_path, mechsim):
     table = tmp_path / "curve.csv"
-    command = ["dynamics", "statics", str(truss), "--curve", "P.y=-0.4:0.4", "--method", "none"]
+    command = ["dynamics", "statics", changed_model(TRUSS), "--curve", "P.y=-0.4:0.4", "--method", "none"]
     answer = mechsim(*command, "--json", "-o", str(table))
     assert answer.code == 0
     data = json.loads(answer.out)["curve"]

@@ -14,17 +14,12 @@ BALL = model_text("open_contacts_ball.toml")
 PENDULUM = model_text("open_contacts_pendulum.toml")
 
 
-def written(folder, text):
-    (folder / "model.toml").write_text(text)
-    return str(folder / "model.toml")
-
-
-def test_a_string_goes_slack_and_catches_the_ball_on_its_parabola(tmp_path):
+def test_a_string_goes_slack_and_catches_the_ball_on_its_parabola(file):
     length, first = 0.5, 2 * np.pi / 3
     # the string pulls while v**2 > g L cos(angle from the top): speed at the bottom for slack at 120 deg
     speed = np.sqrt(G * length * (2 - 3 * np.cos(first)))
     run = ms.dynamics.run(
-        written(tmp_path, PENDULUM),
+        file(PENDULUM),
         initial={"swing.v": speed / length},
         duration=0.9,
         samples=300,
@@ -51,11 +46,11 @@ def test_a_string_goes_slack_and_catches_the_ball_on_its_parabola(tmp_path):
     assert run.lost[-1] == pytest.approx(0.5 * 0.2 * (position @ rate / length) ** 2, rel=1e-7)
 
 
-def test_a_ball_on_a_rope_is_drawn_without_its_gap(tmp_path):
+def test_a_ball_on_a_rope_is_drawn_without_its_gap(file):
     from mechsim.pictures.render.frame_poses import frame_poses
     from mechsim.shapes.joints import link_shapes
 
-    path = written(tmp_path, BALL)
+    path = file(BALL)
     run = ms.dynamics.run(path, initial={"ball.v": 1}, duration=0.1, samples=4)
     assert {*run.motion.links} == {"ball"}
     mechanism = ms.load(path, still=True).mechanism
@@ -65,9 +60,9 @@ def test_a_ball_on_a_rope_is_drawn_without_its_gap(tmp_path):
 
 
 @pytest.mark.long
-def test_each_contact_has_its_own_restitution(tmp_path):
-    ball = written(tmp_path, BALL.replace("rope = {", "restitution = 0.5\nrope = {"))
-    for path in (ball, written(tmp_path, to_toml(ms.load(ball, still=True)))):
+def test_each_contact_has_its_own_restitution(file):
+    ball = file(BALL.replace("rope = {", "restitution = 0.5\nrope = {"))
+    for path in (ball, file(to_toml(ms.load(ball, still=True)))):
         run = ms.dynamics.run(ms.load(path, still=True), initial={"ball.v": 2.0}, duration=2.0)
         falls = 2 * 2 / G * np.cumsum(0.5 ** np.arange(6))
         assert np.abs(np.array(run.events[:6]) - falls).max() < 1e-12
@@ -75,7 +70,7 @@ def test_each_contact_has_its_own_restitution(tmp_path):
     own = cam.replace("base_radius", "restitution = 0.4\nbase_radius")
     runs = [
         ms.dynamics.run(
-            ms.load(written(tmp_path, text), drive={"crank": "20*pi*t"}),
+            ms.load(file(text), drive={"crank": "20*pi*t"}),
             prescribed=["crank"],
             duration=0.11,
             restitution=restitution,

@@ -1,15 +1,9 @@
 """Ropes over pulleys against the equation of motion of a hoist."""
 
 import numpy as np
-from model_files import model_text
 
 import mechsim as ms
 from mechsim.studies.robots.serial_twin import serial_twin
-
-
-def hoist(folder, swing=1.5, path="3 m", start=""):
-    (folder / "hoist.toml").write_text(model_text("ropes_hoist.toml", swing=swing, path=path, start=start))
-    return ms.load(str(folder / "hoist.toml"))
 
 
 def test_a_hoist_without_loops_couples_the_hook_to_the_drum_by_its_name():

@@ -3,31 +3,12 @@
 import mpmath
 import numpy as np
 import pytest
-from model_files import model_text
+from model_files import load_model
 
 import mechsim as ms
 from mechsim.numerics.differences import extrapolated_derivative
 from mechsim.numerics.quadratic_roots import quadratic_roots
 from mechsim.studies.dynamics_check import crosscheck_equilibrium
-
-WEIGHT = "gravity = [0, -9.81, 0]\n"
-# moment of inertia of the arm about its hinge, and the moment of its weight, in [kg m2] and [N m]
-J, MOMENT = 0.35, 4.905
-
-
-@pytest.fixture
-def equilibria(tmp_path):
-    def search(forces, start=0.0, links="", joints="", points=""):
-        path = tmp_path / "arm.toml"
-        path.write_text(
-            model_text(
-                "stability_arm.toml", forces=forces, start=start, links=links, joints=joints, points=points
-            )
-        )
-        model = ms.dynamics.dynamic_model(ms.load(path, still=True))
-        return model, ms.dynamics.equilibria(model)
-
-    return search
 
 
 def test_mujoco_has_the_frequencies_of_nearly_stretched_loops():
@@ -39,11 +20,11 @@ def test_mujoco_has_the_frequencies_of_nearly_stretched_loops():
         assert max(check.tolerance for check in checks) < 1e-2
 
 
-def test_a_stiffness_within_its_rounding_is_undecided(equilibria):
+def test_a_stiffness_within_its_rounding_is_undecided():
     # an upright arm at the critical stiffness of its spring: the potential has order four
-    _, states = equilibria(
-        WEIGHT + f"joint_springs.h = {{ stiffness = {MOMENT}, rest = {np.pi / 2.0} }}", start=1.2
-    )
+    forces = f"gravity = [0, -9.81, 0]\njoint_springs.h = {{ stiffness = 4.905, rest = {np.pi / 2.0} }}"
+    texts = {"forces": forces, "start": 1.2, "links": "", "joints": "", "points": ""}
+    states = ms.dynamics.equilibria(load_model("stability_arm.toml", still=True, **texts))
     upright = min(states, key=lambda state: abs(state.q["h"] - np.pi / 2.0))
     assert upright.q["h"] == pytest.approx(np.pi / 2.0, abs=1e-4)
     assert upright.stable is None

@@ -3,13 +3,12 @@
 from dataclasses import replace
 
 import pytest
-from scene_texts import FINGER, scene
+from scene_texts import CONTROL, FINGER, scene
 
 from mechsim.simulation.plain_settings import PlainSettings
 from mechsim.studies.scene.errors import divergence_reason
 from mechsim.studies.scene.run import run_scene
 
-CONTROL = {"servo": "0.5*sin(2*pi*t)"}
 RINGING = PlainSettings(integrator="RK4", solref=(-1e9, -1.0), solimp=(0.9999, 0.9999, 0.001, 0.5, 2.0))
 
 

@@ -1,6 +1,5 @@
 """Extremes: equal dimensionless problems give equal results, and every run reports its true outcome."""
 
-import json
 from dataclasses import replace
 
 import numpy as np
@@ -76,15 +75,6 @@ def test_bisection_finds_a_known_border():
     assert len(borders) == 1
     assert borders[0].inside < 300.0 <= borders[0].outside
     assert borders[0].outside / borders[0].inside < 1.0001
-
-
-@pytest.mark.slow
-def test_the_command_prints_json(mechsim):
-    answer = mechsim("extremes", "bennett", "--quick", "--json")
-    output = json.loads(answer.out)
-    assert answer.code == 0
-    assert output["passed"]
-    assert {border["axis"] for border in output["borders"]} >= {"steps", "speed"}
 
 
 @pytest.mark.long

@@ -50,15 +50,15 @@ def test_uncertainties_match_the_scatter_of_repeated_measurements():
 
 
 @pytest.mark.long
-def test_residuals_replace_missing_deviations():
-    table = measured(2e-5)
+def test_residuals_replace_missing_deviations_with_students_t_of_their_number():
+    table = {name: column[:3] for name, column in measured(2e-5).items()}
     without_deviations = {name: column for name, column in table.items() if "±" not in name}
-    weighted, unweighted = (
-        ms.fit("four_bar", item, ["coupler", "rocker"]) for item in (table, without_deviations)
-    )
-    assert unweighted.deviations["coupler"] == pytest.approx(
-        weighted.deviations["coupler"] * weighted.spread, rel=1e-6
-    )
+    weighted, unweighted = (ms.fit("four_bar", item, ["coupler"]) for item in (table, without_deviations))
+    deviation = weighted.deviations["coupler"]
+    assert unweighted.deviations["coupler"] == pytest.approx(deviation * weighted.spread, rel=1e-6)
+    assert weighted.within()["coupler"] == pytest.approx(1.959964 * deviation)
+    assert unweighted.free == 5
+    assert unweighted.within()["coupler"] == pytest.approx(2.570582 * unweighted.deviations["coupler"])
 
 
 @pytest.mark.long
@@ -133,16 +133,6 @@ def test_an_offset_equivalent_to_a_phase_is_reported():
     table = {"angle": ANGLES, "D.x": motion.points["D"].position[:, 0]}
     result = ms.fit("warp_knitter", table, ["phase"], offset=True)
     assert result.together == (("phase", "crank.offset"),)
-
-
-@pytest.mark.long
-def test_intervals_from_residual_deviations_use_students_t():
-    table = {name: column[:3] for name, column in measured(2e-5).items()}
-    without_deviations = {name: column for name, column in table.items() if "±" not in name}
-    weighted, unweighted = (ms.fit("four_bar", item, ["coupler"]) for item in (table, without_deviations))
-    assert weighted.within()["coupler"] == pytest.approx(1.959964 * weighted.deviations["coupler"])
-    assert unweighted.free == 5
-    assert unweighted.within()["coupler"] == pytest.approx(2.570582 * unweighted.deviations["coupler"])
 
 
 def test_the_force_of_a_sliding_driver_has_its_reference_name():

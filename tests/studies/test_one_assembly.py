@@ -6,7 +6,6 @@ from model_files import model_text, stated_mechanism
 
 import mechsim as ms
 from mechsim.kinematics.loops.start import start_poses
-from mechsim.studies.assemblies import all_assembly_points
 from mechsim.studies.scene.open_scene import open_scene
 
 
@@ -31,57 +30,6 @@ def test_a_stated_pose_is_kept_if_the_other_links_can_follow(height):
     pose = start_poses(stated_mechanism("one_assembly_platform.toml", height=height))[0]["plate"]
     np.testing.assert_allclose(pose.position, [0.0, 0.0, height], atol=1e-12)
     np.testing.assert_allclose(pose.rotation, np.eye(3), atol=1e-12)
-
-
-def test_all_assemblies_of_two_dyads_are_listed(tmp_path):
-    path = tmp_path / "six_bar.toml"
-    more = (
-        'C = { kind = "revolute", a = { link = "rocker", at = [3, 0, 0] }, b = { link = "tie" } }\n'
-        'D = { kind = "revolute", a = { link = "tie", at = [4,0,0] }, b = { link = "arm", at = [3,0,0] } }\n'
-        'O = { kind = "revolute", a = { link = "ground", at = [9, 0, 0] }, b = { link = "arm" } }\n[points]\n'
-        'D = { link = "tie", at = [4, 0, 0] }\n'
-    )
-    path.write_text(model_text("one_assembly_four_bar.toml", start="").replace("[points]\n", more))
-    listed = [points for _, points in all_assembly_points(ms.load(path), np.pi / 6)[0]]
-    assert len(listed) == 4
-
-    def intersections(first, radius, second, other):
-        """Return the two points at distances from two centres."""
-        between = second - first
-        distance = float(np.linalg.norm(between))
-        along = (radius**2 - other**2 + distance**2) / (2.0 * distance)
-        across = np.array([-between[1], between[0], 0.0]) / distance * np.sqrt(radius**2 - along**2)
-        return [first + along * between / distance + sign * across for sign in (1.0, -1.0)]
-
-    crank_end = 0.01 * np.array([np.cos(np.pi / 6), np.sin(np.pi / 6), 0.0])
-    expected = [
-        np.concatenate([b, d])
-        for b in intersections(crank_end, 0.04, np.array([0.05, 0.0, 0.0]), 0.03)
-        for d in intersections(b, 0.04, np.array([0.09, 0.0, 0.0]), 0.03)
-    ]
-    for points in listed:
-        both = np.concatenate([points["B"], points["D"]])
-        assert min(np.abs(both - each).max() for each in expected) < 1e-10
-
-
-def test_a_requested_start_selects_the_assembly(tmp_path):
-    path = tmp_path / "four_bar.toml"
-    path.write_text(model_text("one_assembly_four_bar.toml", start="start = 30"))
-    heights = [
-        ms.load(path, start={"A": angle}).positions([np.pi / 6])["B"][0, 1] for angle in ("40deg", "-80deg")
-    ]
-    # intersections of the circles about the crank's end and the pivot
-    end, pivot = 0.01 * np.array([np.cos(np.pi / 6), np.sin(np.pi / 6)]), np.array([0.05, 0.0])
-    between = pivot - end
-    distance = float(np.linalg.norm(between))
-    along = (0.04**2 - 0.03**2 + distance**2) / (2.0 * distance)
-    across = np.sqrt(0.04**2 - along**2) * between[0] / distance
-    middle = end[1] + along * between[1] / distance
-    assert heights == pytest.approx([middle + across, middle - across], abs=1e-12)
-    with pytest.raises(ms.InputError, match="no coordinate 'C' to start at"):
-        ms.load(path, start={"C": 0.0})
-    with pytest.raises(ms.InputError, match="leave out --start"):
-        ms.load("four_bar", start={"crank": 0.0})
 
 
 # crank 0.1 m at (0, 1), rod 0.3 m, rocker 0.2 m at (0.4, 0.8) in the plane x, z

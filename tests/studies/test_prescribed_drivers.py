@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from model_files import model_text
+from model_files import changed_model
 
 import mechsim as ms
 from mechsim.kinetics.dynamic_run import initial_values
@@ -13,29 +13,20 @@ from mechsim.studies.dynamics_check import crosscheck_forward
 LENGTH, MASS, INERTIA, GRAVITY = 0.2, 1.5, 2e-3, 9.81
 WEIGHT = ms.Forces(gravity=(0.0, 0.0, -GRAVITY))
 # a bead on a hoop that turns about a vertical diameter; it swings about the hoop's axis x
-HOOP = model_text("prescribed_drivers_hoop.toml", mass=MASS, height=-LENGTH, inertia=INERTIA)
+HOOP = {"mass": MASS, "height": -LENGTH, "inertia": INERTIA}
 START = {"bead.q": "1rad", "bead.v": "-2rad/s"}
 
 
-@pytest.fixture(scope="module")
-def path(tmp_path_factory):
-    file = tmp_path_factory.mktemp("hoop") / "hoop.toml"
-    file.write_text(HOOP)
-    return file
-
-
-def model(path, law, forces=WEIGHT):
-    return ms.dynamics.dynamic_model(ms.load(path, drive={"hoop": law}), forces)
+def hoop(law, drivers='["hoop"]'):
+    path = changed_model("prescribed_drivers_hoop.toml", ('["hoop"]', drivers), **HOOP)
+    return ms.dynamics.dynamic_model(ms.load(path, drive={"hoop": law}, still=True), WEIGHT)
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("drivers", ['["hoop"]', '["bead", "hoop"]'])
-def test_a_bead_on_a_rotating_hoop_keeps_the_jacobi_integral(drivers, path):
-    file, speed = path.with_name("drivers.toml"), 2.0 * np.pi
-    file.write_text(HOOP.replace('["hoop"]', drivers))
-    solver = ms.load(file, drive={"hoop": "60rpm"}, still=True)
-    hoop = ms.dynamics.dynamic_model(solver, WEIGHT)
-    run = ms.dynamics.run(hoop, initial=START, prescribed=["hoop"], duration=2.0)
+def test_a_bead_on_a_rotating_hoop_keeps_the_jacobi_integral(drivers):
+    speed = 2.0 * np.pi
+    run = ms.dynamics.run(hoop("60rpm", drivers), initial=START, prescribed=["hoop"], duration=2.0)
     bead = run.motion.joints["bead"]
     sine, cosine = np.sin(bead.value), np.cos(bead.value)
     jacobi = 0.5 * (MASS * LENGTH**2 + INERTIA) * bead.rate**2
@@ -51,8 +42,8 @@ def test_a_bead_on_a_rotating_hoop_keeps_the_jacobi_integral(drivers, path):
 
 @pytest.mark.long
 @pytest.mark.parametrize("law", ["60rpm", pytest.param("30deg*sin(2*pi*3*t)", marks=pytest.mark.slow)])
-def test_mujoco_agrees_on_the_driving_torque_and_rejects_a_wrong_one(path, law):
-    driven_model = model(path, law)
+def test_mujoco_agrees_on_the_driving_torque_and_rejects_a_wrong_one(law):
+    driven_model = hoop(law)
     run = ms.dynamics.run(driven_model, initial=START, prescribed=["hoop"], duration=0.15, samples=20)
     start = initial_values(driven_model, START)
     verdict = crosscheck_forward(run, driven_model, start)

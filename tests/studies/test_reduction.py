@@ -55,6 +55,10 @@ def scene(folder, text, *, ctrl=CONTROL, drive=None, duration=0.5, track=("tip,p
     return scene_object, mujoco.MjSpec.from_file(str(path))
 
 
+def evaluator_of(folder, text, **options):
+    return ReducedSceneEvaluator.from_scene(*scene(folder, text, **options))
+
+
 def observed(evaluator):
     tracked = frozenset(body for body, _ in evaluator.tracked.values())
     return observe(evaluator.spec, evaluator.full, tracked, LIMIT)
@@ -138,7 +142,7 @@ def test_only_disconnected_bodies_are_removed(cluttered):
 
 def test_a_reached_limit_is_kept(tmp_path):
     text = CLUTTER.replace('name="knuckle"', 'name="knuckle" range="-15 15" limited="true"')
-    evaluator = ReducedSceneEvaluator.from_scene(*scene(tmp_path, text))
+    evaluator = evaluator_of(tmp_path, text)
     removal, reached = limits(observed(evaluator))
     assert "knuckle" in reached.what
     reduced_model = with_candidate(evaluator.spec, removal).compile()

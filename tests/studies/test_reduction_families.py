@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 from scene_texts import FINGER
-from studies.test_reduction import LIMIT, observed, scene
+from studies.test_reduction import LIMIT, evaluator_of, observed
 
 from mechsim.studies.reduction.candidates.bodies import fused_bodies, with_candidate
 from mechsim.studies.reduction.candidates.rods import (
@@ -13,12 +13,11 @@ from mechsim.studies.reduction.candidates.rods import (
     passive_chains,
     rods_as_lengths,
 )
-from mechsim.studies.reduction.reduced_scene import ReducedSceneEvaluator
 
 
 def test_a_rod_becomes_a_length_with_the_same_mass(tmp_path):
     smooth = FINGER.replace('name="elbow"', 'name="elbow" damping="0"')
-    evaluator = ReducedSceneEvaluator.from_scene(*scene(tmp_path, smooth, track=("P,lever@0,0.06,0",)))
+    evaluator = evaluator_of(tmp_path, smooth, track=("P,lever@0,0.06,0",))
     result = observed(evaluator)
     assert [(chain.joints, chain.closing) for chain in loose_chains(result)] == [(("elbow",), "closing")]
     specs = [with_candidate(evaluator.spec, rod) for rod in rods_as_lengths(result)]
@@ -35,7 +34,7 @@ def test_a_rod_becomes_a_length_with_the_same_mass(tmp_path):
 
 
 def test_an_untracked_leaf_is_fused(tmp_path):
-    evaluator = ReducedSceneEvaluator.from_scene(*scene(tmp_path, FINGER, track=("P,lever@0,0.06,0",)))
+    evaluator = evaluator_of(tmp_path, FINGER, track=("P,lever@0,0.06,0",))
     removals = {direction.what: direction for direction in passive_chains(observed(evaluator))}
     leaf = next(direction for what, direction in removals.items() if "pad" in what)
     reduced_model = evaluator.scene(with_candidate(evaluator.spec, leaf))
@@ -50,20 +49,15 @@ def test_jointless_bodies_are_merged(tmp_path):
         '<joint name="swing"/>',
         '<body name="nail"><inertial mass="1e-3" pos="0 0 0" diaginertia="1e-9 1e-9 1e-9"/></body>',
     )
-    evaluator = ReducedSceneEvaluator.from_scene(*scene(tmp_path, text, track=("nail",)))
-    assert [len(fused_bodies(observed(evaluator)))] == [1]
-    reduced_model = with_candidate(evaluator.spec, fused_bodies(observed(evaluator))[0]).compile()
-    assert (
-        evaluator.errors(
-            evaluator.scene(with_candidate(evaluator.spec, fused_bodies(observed(evaluator))[0]))
-        ).trajectory
-        < LIMIT
-    )
-    assert reduced_model.nbody < evaluator.named.nbody
+    evaluator = evaluator_of(tmp_path, text, track=("nail",))
+    (fused,) = fused_bodies(observed(evaluator))
+    spec = with_candidate(evaluator.spec, fused)
+    assert evaluator.errors(evaluator.scene(spec)).trajectory < LIMIT
+    assert spec.compile().nbody < evaluator.named.nbody
 
 
 def test_an_added_mass_updates_centre_and_moments(tmp_path):
-    model = ReducedSceneEvaluator.from_scene(*scene(tmp_path, FINGER)).named
+    model = evaluator_of(tmp_path, FINGER).named
     body, rotation = model.body("rod").id, np.empty(9)
     own = float(model.body_mass[body]), model.body_ipos[body].copy(), model.body_inertia[body].copy()
     position, mass = np.array([0.01, -0.02, 0.03]), 0.05

@@ -4,25 +4,13 @@ import mujoco
 import numpy as np
 import pytest
 from model_files import model_text
-from scene_texts import FINGER, scene
+from scene_texts import DRIVEN, FINGER, scene
 
 from mechsim.errors import AssemblyError, InputError
 from mechsim.studies.scene.converged_reference import compute_reference, hardened
 from mechsim.studies.scene.errors import SceneEvaluator, cubic_interpolation, sampled_run
 from mechsim.studies.scene.open_scene import open_scene
 from mechsim.studies.scene.run import run_scene
-
-CONTROL, DRIVEN = {"servo": "0.5*sin(2*pi*t)"}, {"knuckle": "0.5*sin(2*pi*t)"}
-
-
-@pytest.fixture(scope="module")
-def controlled(tmp_path_factory):
-    return scene(tmp_path_factory.mktemp("controlled"), ctrl=CONTROL)
-
-
-@pytest.fixture(scope="module")
-def driven(tmp_path_factory):
-    return scene(tmp_path_factory.mktemp("driven"), drive=DRIVEN)
 
 
 @pytest.mark.parametrize("samples", [2, 3, 8, 11, 601])

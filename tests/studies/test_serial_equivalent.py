@@ -38,7 +38,6 @@ def test_couplings_follow_the_loops_within_their_stated_errors(format):
 
 @pytest.mark.parametrize("format", FORMATS)
 def test_body_poses_and_masses_of_the_tree_equal_the_closed_model(format):
-    source = mujoco.MjModel.from_xml_string(ms.export("rssr", scene="dynamics").text)
     source = mujoco.MjModel.from_xml_string(ms.export("four_bar", scene="dynamics").text)
     equivalent = mujoco.MjModel.from_xml_string(serial_twin("four_bar", format, independent=RANGE).text)
     item, other = mujoco.MjData(source), mujoco.MjData(equivalent)

@@ -4,7 +4,7 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
-from scene_texts import FINGER, scene
+from scene_texts import CONTROL, FINGER, scene
 
 from mechsim.errors import InputError
 from mechsim.simulation.plain_settings import PlainSettings, settings_of
@@ -14,7 +14,6 @@ from mechsim.studies.scene.step_sizes import disabled, shortest_time_constant, s
 from mechsim.studies.scene.tune import AIMED_FRACTION, tuned
 from mechsim.studies.scene.write_tuned import KEY, differing, python_of, tuned_text, write_scene
 
-CONTROL, DRIVEN = {"servo": "0.5*sin(2*pi*t)"}, {"knuckle": "0.5*sin(2*pi*t)"}
 STIFF = PlainSettings(
     timestep=0.001,
     integrator="implicitfast",
@@ -23,16 +22,6 @@ STIFF = PlainSettings(
     solimp=(0.9999, 0.9999, 0.001, 0.5, 2.0),
     refsafe=False,
 )
-
-
-@pytest.fixture(scope="module")
-def controlled(tmp_path_factory):
-    return scene(tmp_path_factory.mktemp("controlled"), ctrl=CONTROL)
-
-
-@pytest.fixture(scope="module")
-def driven(tmp_path_factory):
-    return scene(tmp_path_factory.mktemp("driven"), drive=DRIVEN)
 
 
 def test_settings_of_a_model_round_trip_without_changes(controlled):

@@ -1,4 +1,3 @@
-import re
 from dataclasses import replace
 
 import mpmath
@@ -9,14 +8,13 @@ from model_files import model_text
 import mechsim as ms
 from mechsim.io import catalog, reference_data
 from mechsim.io.readers import open_model, parametric_model
-from mechsim.kinematics.designs import own_designs
 from mechsim.kinematics.loops.constraints import cuts_of
 from mechsim.kinematics.loops.motion import driven_path
 from mechsim.numerics.balls import Ball, DualBall, ball
 from mechsim.studies.certify.certificate import proven_segments
 from mechsim.studies.certify.computed_motion import computed_motion
 from mechsim.studies.certify.loop_equations import concentric, loop_equations
-from mechsim.studies.certify.toml_intervals import proportional_radii, radii_within
+from mechsim.studies.certify.toml_intervals import radii_within
 
 REGULAR = [
     "four_bar",
@@ -170,21 +168,6 @@ def test_an_enclosure_excludes_the_other_assembly_mode():
             assert gaps[0] <= segments.enclosure[i, column] < segments.width[i, column] < gaps[1]
 
 
-@pytest.mark.slow
-def test_a_motion_law_is_enclosed_between_its_samples():
-    # the crank passes a dead centre within a millisecond
-    drive = {"crank": "-1 + 0.1*sin(t) + 2*exp(-((t - 0.512345)/1e-3)**2)"}
-    proof = ms.certify("four_bar", set={"crank": "90mm"}, drive=drive, duration=1.0)
-    assert not proof.certified
-    assert proof.unit == "s"
-    # instants in the reason are times, as those of the range
-    reached = [float(text) for text in re.findall(r"([\d.]+) s", proof.reason)]
-    assert reached
-    assert all(0.511 < time < 0.513 for time in reached)
-    smooth = {"crank": "-1 + 0.1*sin(t) + 0.1*exp(-((t - 0.512345)/0.2)**2)"}
-    assert ms.certify("four_bar", set={"crank": "90mm"}, drive=smooth, duration=1.0).certified
-
-
 NEARLY_SINGULAR = model_text("certify_nearly_singular.toml")
 
 
@@ -203,64 +186,11 @@ def test_a_turn_near_a_singularity_is_certified_and_one_through_it_is_not(tmp_pa
         assert ms.certify(tmp_path / "rssr.toml").certified == (rod > nearest), rod
 
 
-@pytest.mark.long
-def test_a_spike_that_no_sample_hits_is_a_motion():
-    # its largest rate is amplitude/width * sqrt(2/e)
-    drive = {"crank": "0.6 + 1e-3*exp(-((t - 0.3123456)/1e-6)**2)"}
-    solver = ms.load("four_bar", drive=drive, duration=1.0)
-    assert solver.motion_laws.rate == pytest.approx(1e3 * np.sqrt(2.0 / np.e), rel=0.05)
-    dead_centre = -float(np.arccos((0.1**2 + 0.09**2 - (0.08 + 0.07) ** 2) / (2 * 0.1 * 0.09)))
-    through = {"crank": f"{dead_centre + 5e-4!r} - 1e-3*exp(-((t - 0.3123456)/1e-6)**2)"}
-    dimensions = {"ground": "100mm", "crank": "90mm", "coupler": "80mm", "rocker": "70mm"}
-    proof = ms.certify("four_bar", set=dimensions, drive=through, duration=1.0)
-    # all but the spike is certified
-    assert re.search(r"no proof on 1 interval.* from 0\.31234\d* s", proof.reason)
-
-
-def test_only_smooth_motion_laws_are_certified(tmp_path):
-    proof = ms.certify("four_bar", drive={"crank": "3*abs(t - 0.5)"}, duration=2.0)
-    assert not proof.certified
-    assert "motion law of crank cannot be enclosed" in proof.reason
+def test_a_table_of_a_motion_is_certified(tmp_path):
     time = np.linspace(0.0, 1.0, 30)
     rows = "\n".join(f"{t},{np.sin(3.0 * t)}" for t in time.tolist())
     (tmp_path / "law.csv").write_text(f"t,crank\n{rows}\n")
     assert ms.certify("four_bar", drive={"crank": str(tmp_path / "law.csv")}, duration=1.0).certified
-
-
-@pytest.mark.long
-def test_a_nonmonotonic_dimension_through_a_singularity_is_rejected(tmp_path):
-    # the ground has its nominal length at the ends of the tolerance and is longer in between
-    text = (reference_data.folder() / "mechanisms" / "hoeken.toml").read_text().split("[formula]")[0]
-    text = text.replace("arm = 175\n", "arm = 175\nk = 10\n")
-    text = text.replace('at = ["ground", 0, 0] }\nb', 'at = ["ground + 60*sin(18*k)", 0, 0] }\nb')
-    (tmp_path / "wave.toml").write_text(text)
-    proof = ms.certify(tmp_path / "wave.toml", within={"k": "10deg"})
-    assert not proof.certified
-    with pytest.raises(ms.InputError, match="dimension k does not move joints in proportion"):
-        proportional_radii(parametric_model(tmp_path / "wave.toml"), {"k": np.deg2rad(10.0)})
-
-
-def test_radii_enclose_the_joint_effect_of_two_dimensions():
-    designs = own_designs(ms.catalog.make("rssr", gamma1=0.3))
-    bounds = {"crank": 1e-4, "gamma1": 1e-3, "pivot.x": 1e-4}
-    radii = radii_within(open_model("rssr"), {"gamma1": 0.3}, designs, bounds)
-    assert radii["P2.a"][0, 1] == pytest.approx(1e-4, rel=1e-6)
-    nominal = {joint.name: joint for joint in designs.describe({}).joints}
-    rng = np.random.default_rng(0)
-    for _ in range(50):
-        moved = {
-            name: designs.dimensions[name].value + limit * rng.uniform(-1.0, 1.0)
-            for name, limit in bounds.items()
-        }
-        for joint in designs.describe(moved).joints:
-            for side in ("a", "b"):
-                end, start = getattr(joint, side), getattr(nominal[joint.name], side)
-                error = np.abs(
-                    np.subtract(
-                        [end.point, end.axis, end.reference], [start.point, start.axis, start.reference]
-                    )
-                )
-                assert (error <= radii.get(f"{joint.name}.{side}", np.zeros((3, 3))) + 1e-15).all()
 
 
 def test_positions_in_an_mjcf_file_change_in_proportion():
@@ -271,27 +201,16 @@ def test_positions_in_an_mjcf_file_change_in_proportion():
         radii_within(open_model(path), {}, parametric_model(path), {"B.a.tilt.x": 0.1})
 
 
-def toml(tmp_path, name, **changed):
-    """Return the path of a copy of a gallery file with some of its text replaced."""
-    text = (reference_data.folder() / "mechanisms" / f"{name}.toml").read_text().split("[formula]")[0]
-    for before, after in changed.values():
-        assert before in text
-        text = text.replace(before, after)
-    path = tmp_path / f"{name}.toml"
-    path.write_text(text)
-    return path
-
-
-@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "bounds"),
     [
-        ("jansen", {"d": 1e-4, "b": 1e-4, "h": 1e-4}),
-        ("delta_robot", {"base": 1e-3, "plate": 1e-3}),
-        ("cardan_joint", {"bend": 0.02, "arm": 1e-3}),
+        ("rssr", {"crank": 1e-4, "gamma1": 1e-3, "pivot.x": 1e-4}),
+        pytest.param("jansen", {"d": 1e-4, "b": 1e-4, "h": 1e-4}, marks=pytest.mark.long),
+        pytest.param("delta_robot", {"base": 1e-3, "plate": 1e-3}, marks=pytest.mark.long),
+        pytest.param("cardan_joint", {"bend": 0.02, "arm": 1e-3}, marks=pytest.mark.long),
     ],
 )
-def test_joint_intervals_of_a_file_are_tight_enclosures(name, bounds):
+def test_joint_intervals_are_tight_enclosures_of_joints_within_tolerances(name, bounds):
     model, designs = open_model(name), parametric_model(name)
     radii = radii_within(model, {}, designs, bounds)
     nominal = {joint.name: joint for joint in designs.describe({}).joints}
@@ -306,7 +225,7 @@ def test_joint_intervals_of_a_file_are_tight_enclosures(name, bounds):
                 end, start = getattr(joint, side), getattr(nominal[joint.name], side)
                 now, before = ([x.point, x.axis, x.reference] for x in (end, start))
                 error, key = np.abs(np.subtract(now, before)), f"{joint.name}.{side}"
-                assert (error <= radii.get(key, np.zeros((3, 3)))).all()
+                assert (error <= radii.get(key, np.zeros((3, 3))) + 1e-15).all()
                 largest[key] = max(largest.get(key, 0.0), error.max())
     assert radii
     assert all(radii[key].max() < 3.0 * largest[key] for key in radii)

@@ -2,14 +2,15 @@
 
 import numpy as np
 import pytest
-from model_files import model_text
+from model_files import FOLDER
 
 import mechsim as ms
 from mechsim.studies.sweep import methods
 from mechsim.studies.sweep.sweeping import built, run_sweep, swept_task
 from mechsim.studies.sweep.task import nothing_measured
 
-FOUR_BAR = model_text("swings_four_bar.toml")
+# a catalogue name, and a file whose loop equations are solved
+FOUR_BAR, LOOPS = "four_bar", str(FOLDER / "swings_four_bar.toml")
 ROCKERS = np.linspace(0.033, 0.037, 5)
 LENGTHS = {"ground": 0.1, "crank": 0.032, "coupler": 0.091}
 
@@ -28,14 +29,7 @@ def extent(rocker):
     return np.ptp(np.unwrap(linkage.solve([*-angles, *angles[::-1]]).joints["rocker"].value))
 
 
-@pytest.fixture
-def model(request, tmp_path):
-    """Return a catalogue name, or a file whose loop equations are solved."""
-    (tmp_path / "bar.toml").write_text(FOUR_BAR)
-    return "four_bar" if request.param == "formula" else str(tmp_path / "bar.toml")
-
-
-@pytest.mark.parametrize("model", ["formula", pytest.param("loops", marks=pytest.mark.slow)], indirect=True)
+@pytest.mark.parametrize("model", [FOUR_BAR, pytest.param(LOOPS, marks=pytest.mark.slow)])
 def test_swinging_designs_are_batched_over_their_reachable_range(model, monkeypatch):
     unbatched = []
     monkeypatch.setattr(methods, "one_by_one", lambda task, rows, index, result: unbatched.extend(index))
@@ -54,7 +48,7 @@ def test_swinging_designs_are_batched_over_their_reachable_range(model, monkeypa
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("model", ["formula", "loops"], indirect=True)
+@pytest.mark.parametrize("model", [FOUR_BAR, LOOPS])
 def test_designs_measured_together_agree_with_single_designs(model):
     task = swept_task(model, {"rocker": [0.034, 0.046]}, ["range:rocker", "max:B.vx", "max:B.ax"], speed=3.0)
     result = run_sweep(task)
