@@ -86,6 +86,9 @@ def on_one_crank(item: Mechanism, other: Mechanism) -> Mechanism:
         item,
         links=(*item.links, *(Link(names[k.name]) for k in other.links if names[k.name] != crank)),
         joints=(*item.joints, *joints),
-        points={**item.points, **{f"{p}'": (names[link], at) for p, (link, at) in other.points.items()}},
+        points={
+            **item.points,
+            **{f"{p}'": (names[link], point) for p, (link, point) in other.points.items()},
+        },
         guess={**item.guess, **{names[k]: v for k, v in other.guess.items() if names[k] != crank}},
     )

@@ -125,9 +125,9 @@ MACHINES = {
 }
 
 
-def log_of(machine):
+def log_of(case):
     """Return a model, its motion, torques of drivers by MuJoCo with true masses and friction, and these."""
-    name, laws, truth, friction = MACHINES[machine]
+    name, laws, truth, friction = MACHINES[case]
     source = str(FOLDER / name) if "." in name else name
     solver = ms.load(source, drive=laws, duration=float(TIMES[-1]))
     model = ms.dynamics.dynamic_model(solver, ms.Forces(gravity=(0.0, -GRAVITY, 0.0), friction=friction))
