@@ -76,13 +76,13 @@ def four_bar(tmp_path):
 def instantiated(path, kind):
     description = fmpy.read_model_description(path)
     instance = fmpy.instantiate_fmu(fmpy.extract(path), description, kind)
+    instance.enterInitializationMode()
     return instance, {variable.name: variable.valueReference for variable in description.modelVariables}
 
 
 @pytest.mark.long
 def test_model_exchange_is_mechsims_own_run(four_bar):
     instance, references = instantiated(four_bar, "ModelExchange")
-    instance.enterInitializationMode()
     instance.exitInitializationMode()
     instance.enterContinuousTimeMode()
     states, derivatives = (ctypes.c_double * 6)(), (ctypes.c_double * 6)()
@@ -129,7 +129,6 @@ def test_positions_and_torque_are_those_of_30_digits(tmp_path):
     table = reference_data.read(reference_data.folder(), "rssr")
     path = written(tmp_path, kinematic_fmu(solver_code(assembly(ms.load(table.mechanism)))))
     instance, references = instantiated(path, "CoSimulation")
-    instance.enterInitializationMode()
     names = [f"P3.{letter}{axis}" for letter in ("", "v", "a") for axis in "xyz"]
     point, numbers = table.points["P3"], list[list[float]]()
     for angle in table.first:
@@ -169,7 +168,6 @@ def test_positions_follow_signals(tmp_path, standard):
 @pytest.mark.long
 def test_a_kept_state_continues_as_before(four_bar):
     instance, references = instantiated(four_bar, "CoSimulation")
-    instance.enterInitializationMode()
     instance.exitInitializationMode()
     instance.doStep(0.0, 0.1)
     kept = instance.getFMUState()
@@ -198,7 +196,6 @@ def test_a_kept_state_continues_as_before(four_bar):
 )
 def test_invalid_values_are_reported(four_bar, capfd, values, message):
     instance, references = instantiated(four_bar, "CoSimulation")
-    instance.enterInitializationMode()
 
     def started():
         instance.setFloat64([references[name] for name in values], [*values.values()])

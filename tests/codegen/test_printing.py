@@ -122,6 +122,13 @@ def test_invalid_identifiers_are_renamed(tmp_path):
     assert len({*identifiers(names).values()}) == len(names)
 
 
+def library(solver, name, text, folder):
+    """Return a library of C code, whose `@` stand for the name of a solver."""
+    written(solver, folder)
+    (folder / "library.c").write_text(text.replace("@", f"{name}_"))
+    return ctypes.CDLL(str(built("gcc", folder / "library.c", "-shared", "-fPIC")))
+
+
 JOINTS = """#include "solver.h"
 int joints_at(double angle, double speed, double acceleration, double *out) {
   @state s;
@@ -139,10 +146,8 @@ int joints_at(double angle, double speed, double acceleration, double *out) {
 )
 def test_cut_joints_have_values_and_rates(compiled, tmp_path, name):
     solver = compiled(name)
-    written(solver, tmp_path)
-    (tmp_path / "joints.c").write_text(JOINTS.replace("@", f"{name}_"))
-    library = built("gcc", tmp_path / "joints.c", "-shared", "-fPIC")
-    function, names = ctypes.CDLL(str(library)).joints_at, solver.code.formulas.joints
+    function = library(solver, name, JOINTS, tmp_path).joints_at
+    names = solver.code.formulas.joints
     out = (ctypes.c_double * (3 * len(names)))()
     assert function(ctypes.c_double(1.1), ctypes.c_double(2.0), ctypes.c_double(3.0), out) == 0
     exact = KinematicSolver(solver.code.assembly.source.mechanism).solve([1.1], 2.0, 3.0).joints
@@ -168,9 +173,7 @@ int after_garbage(double angle, double rate, double garbage) {
 
 def test_invalid_states_and_nonfinite_numbers_are_rejected(compiled, tmp_path):
     solver = compiled("jansen")
-    written(solver, tmp_path)
-    (tmp_path / "garbage.c").write_text(GARBAGE.replace("@", "jansen_"))
-    function = ctypes.CDLL(str(built("gcc", tmp_path / "garbage.c", "-shared", "-fPIC"))).after_garbage
+    function = library(solver, "jansen", GARBAGE, tmp_path).after_garbage
     start = solver.code.assembly.start.values[1, 0]
 
     def statuses(angle, rate, coordinate):

@@ -1,15 +1,17 @@
 """Forces by both methods: MuJoCo agrees with the correct model, and the check rejects wrong ones."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 from driven_mechanisms import nonlinear_rocker
-from mechanisms import rscr, three_cranks
+from mechanisms import rscr, rsup, three_cranks
 
 import mechsim as ms
 from mechsim.compare.record_errors import of_reactions
-from mechsim.kinetics.initial_state import InitialValues
+from mechsim.kinetics.dynamic_run import initial_values
+from mechsim.mechanism.forces import Couple
 from mechsim.mechanism.masses import with_inertia
 from mechsim.simulation.dynamics.forward_run import stepped_run
 from mechsim.simulation.dynamics.prescribed_motion import driven
@@ -28,19 +30,6 @@ RIGHT = with_inertia(LINKAGE.mechanism)
 SPEED = 60.0
 
 
-def verdict_of(method, mechanism=RIGHT, forces=FORCES):
-    """Return the verdict on MuJoCo's run of a model against the correct model's reduced equation."""
-    result = driven(mechanism, forces, speed=SPEED, method=method, samples=24)
-    return crosscheck_driven(result, ms.dynamics.dynamic_model(LINKAGE, FORCES, mechanism=RIGHT))
-
-
-def with_link(name, change):
-    links = tuple(
-        replace(link, inertia=change(link.inertia)) if link.name == name else link for link in RIGHT.links
-    )
-    return replace(RIGHT, links=links)
-
-
 def heavier(inertia):
     return ms.Inertia(1.001 * inertia.mass, inertia.centre, 1.001 * inertia.matrix)
 
@@ -50,48 +39,163 @@ def swapped(inertia):
     return ms.Inertia(inertia.mass, inertia.centre, inertia.matrix[np.ix_(order, order)])
 
 
-WRONG = {
-    "mass 0.1 % off": {"mechanism": with_link("link", heavier)},
-    "inertia axes swapped": {"mechanism": with_link("coupler", swapped)},
-    "gravity reversed": {"forces": replace(FORCES, gravity=(-0.3, 9.81, -2.1))},
-    "load at the neighbour point": {"forces": replace(FORCES, loads=(ms.Load("C", PUSH),))},
-    "friction left out": {"forces": replace(FORCES, friction=FORCES.friction[1:])},
-    "Coulomb friction left out": {
-        "forces": replace(FORCES, friction=(ms.Friction("rocker", 1e-4), FORCES.friction[1]))
-    },
+def changed_link(model, name, change):
+    """Return a model with the inertia of one link changed."""
+    links = tuple(
+        replace(link, inertia=change(link.inertia)) if link.name == name else link
+        for link in model.mechanism.links
+    )
+    mechanism = replace(model.mechanism, links=links)
+    return ms.dynamics.dynamic_model(model.solver, model.forces, mechanism=mechanism)
+
+
+def changed_forces(model, **fields):
+    return model.with_forces(replace(model.forces, **fields))
+
+
+def changed_friction(model, **coefficients):
+    friction = tuple(replace(item, **coefficients) for item in model.forces.friction)
+    return changed_forces(model, friction=friction)
+
+
+def every_force():
+    model, (first, second) = ms.dynamics.dynamic_model(LINKAGE, FORCES, mechanism=RIGHT), FORCES.friction
+    wrong = {
+        "mass 0.1 % off": changed_link(model, "link", heavier),
+        "inertia axes swapped": changed_link(model, "coupler", swapped),
+        "gravity reversed": changed_forces(model, gravity=(-0.3, 9.81, -2.1)),
+        "load at the neighbour point": changed_forces(model, loads=(ms.Load("C", PUSH),)),
+        "friction left out": changed_forces(model, friction=(second,)),
+        "Coulomb friction left out": changed_forces(model, friction=(replace(first, coulomb=0.0), second)),
+    }
+    return model, {"speed": 60.0, "samples": 24}, wrong
+
+
+def rubbing(source, *frictions):
+    """Return a case with friction, by default in every joint, the cut joint included."""
+    joints = getattr(source, "mechanism", source).joints
+    acting = frictions or tuple(ms.Friction(joint.name, 0.0, 2e-3) for joint in joints)
+    model = ms.dynamics.dynamic_model(source, ms.Forces(gravity=(0.3, -9.81, 0.5), friction=acting))
+    names = ("viscous", "coulomb", "viscous_turn", "coulomb_turn")
+    wrong = {name: changed_friction(model, **{name: 0.0}) for name in names if getattr(acting[0], name)}
+    return model, {"speed": 30.0, "turns": 0.1, "samples": 12}, wrong
+
+
+def opposed(*names):
+    """Return a four-bar with friction, some of whose joints have opposite axes."""
+    mechanism, down = ms.catalog.make("four_bar").mechanism, {"axis": (0.0, 0.0, -1.0)}
+    joints = tuple(
+        replace(item, a=replace(item.a, **down), b=replace(item.b, **down)) if item.name in names else item
+        for item in mechanism.joints
+    )
+    return rubbing(
+        replace(mechanism, joints=joints), *(ms.Friction(item.name, 1e-4, 2e-3) for item in joints)
+    )
+
+
+def couple():
+    moment = ms.load_profile.function(
+        lambda angle: np.stack([np.cos(angle), 0.3 + 0.0 * angle, np.sin(2.0 * angle)], 1), width=3
+    )
+    model = ms.dynamics.dynamic_model(LINKAGE, ms.Forces(couples=(Couple("link", moment),)))
+    wrong = {"on another link": changed_forces(model, couples=(Couple("coupler", moment),))}
+    return model, {"speed": 30.0, "samples": 24}, wrong
+
+
+def cut_at(mechanism, joint):
+    sleeve = ms.Friction("sleeve", 0.02, 0.01, viscous_turn=1e-5, coulomb_turn=1e-4)
+    model = ms.dynamics.dynamic_model(mechanism, ms.Forces(gravity=(0.3, -9.81, 2.1), friction=(sleeve,)))
+    options = {"speed": 30.0, "turns": 0.2, "samples": 8, "cut": (joint,)}
+    return model, options, {"heavier rod": changed_link(model, "rod", heavier)}
+
+
+# a model, options of its prescribed motion, and wrong models
+PRESCRIBED = {
+    "every force": every_force,
+    "friction of a cylindrical joint": lambda: rubbing(rscr(), ms.Friction("sleeve", 0.2, 0.5, 1e-3, 4e-3)),
+    "friction of a universal joint": lambda: rubbing(rsup(), ms.Friction("cross", 1e-3, 3e-3)),
+    "friction of a spatial cut joint": lambda: rubbing(ms.catalog.make("bennett")),
+    "friction of a ball that is cut": lambda: rubbing(LINKAGE, ms.Friction("S", 1e-5, 4e-4)),
+    **{f"opposed {names}": partial(opposed, *names) for names in ((), "A", "B", ("crank", "A"))},
+    "couple": couple,
+    "cylindrical joint that is cut": lambda: cut_at(rscr(), "sleeve"),
+    "fixed joint that is cut": lambda: cut_at(glued(), "glue"),
 }
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("wrong", WRONG)
 @pytest.mark.parametrize("method", ["pose", "step"])
-def test_a_wrong_model_fails(method, wrong):
-    verdict = verdict_of(method, **WRONG[wrong])
-    assert verdict.outcome == "failed", verdict
-    assert "drive torque" in verdict.reason or "force in" in verdict.reason
+@pytest.mark.parametrize("case", PRESCRIBED)
+def test_forces_of_prescribed_motions_agree_and_wrong_models_fail(case, method):
+    model, options, wrong = PRESCRIBED[case]()
+    run = driven(model.mechanism, model.forces, method=method, **options)
+    verdict = crosscheck_driven(run, model)
+    assert verdict.passed, verdict
+    checked = {(check.kind, check.subject) for check in verdict.checks}
+    assert {("moment", joint) for joint in options.get("cut", ())} <= checked
+    for name, other in wrong.items():
+        assert crosscheck_driven(run, other).outcome == "failed", name
 
 
-def test_the_correct_model_passes_and_a_nan_is_detected():
-    result = driven(RIGHT, FORCES, speed=SPEED, method="pose", samples=24)
-    model = ms.dynamics.dynamic_model(LINKAGE, FORCES, mechanism=RIGHT)
-    assert crosscheck_driven(result, model).passed
+def with_motor(motor, other, **options):
+    """Return a free run of a four-bar with a motor, and with another one."""
+    forces = ms.Forces(gravity=(0.3, -9.81, 0.0), motor=motor)
+    model = ms.dynamics.dynamic_model(ms.catalog.make("four_bar"), forces)
+    return model, {"initial": {}, **options}, changed_forces(model, motor=other)
+
+
+def coasting(model, wrong=None, **options):
+    return model, {"initial": {"crank.v": 60.0}, **options}, wrong
+
+
+def rubbing_freely(source, *frictions):
+    model = changed_forces(rubbing(source, *frictions)[0], flywheel=1e-3)
+    return coasting(model, changed_friction(model, coulomb=0.0), duration=0.01, samples=20)
+
+
+LINE, DC, Geared = ms.motors.TorqueSpeedLine, ms.motors.DCMotor, ms.motors.Geared
+START = {"initial": {"crank.q": 0.3, "crank.v": 20.0}, "duration": 0.05, "samples": 10}
+# a model, options of its free run, and a wrong model
+FREE = {
+    "motor": lambda: with_motor(DC(6.0, 2.0, 0.05), DC(5.99, 2.0, 0.05), **START),
+    # at its speed before the second record
+    "stiff motor": lambda: with_motor(LINE(100.0, 60.0), LINE(100.0, 59.99), turns=0.1, samples=10),
+    **{
+        f"geared {type(motor).__name__}": partial(
+            with_motor, Geared(motor, 9.0), Geared(motor, 9.01), duration=0.02, samples=20
+        )
+        for motor in (LINE(0.02, 900.0), DC(12.0, 4.0, 0.012))
+    },
+    "friction of a ball": lambda: rubbing_freely(LINKAGE, ms.Friction("S", 1e-5, 4e-4)),
+    "friction of a spatial loop": lambda: rubbing_freely(ms.catalog.make("bennett")),
+    "redundant crank": lambda: coasting(three_armed((0.05, 0.03)), turns=0.2, samples=30),
+    "redundant loop": lambda: coasting(
+        ms.dynamics.dynamic_model(ms.catalog.make("bennett"), ms.Forces()), turns=0.1, samples=30
+    ),
+}
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("case", FREE)
+def test_free_runs_agree_and_wrong_models_fail(case):
+    model, options, wrong = FREE[case]()
+    result = ms.dynamics.run(model, **options)
+    verdict = crosscheck_forward(result, model, initial_values(model, options["initial"]))
+    assert verdict.passed, verdict
+    assert result.energy_error <= 1e-6
+    if wrong is not None:
+        start = initial_values(wrong, options["initial"])
+        assert crosscheck_forward(result, wrong, start).outcome == "failed"
+
+
+def test_a_torque_that_is_no_number_is_detected():
+    model, options, _ = every_force()
+    result = driven(model.mechanism, model.forces, method="pose", **options)
     torque = result.forces.torque.copy()
     torque[5] = np.nan
     broken = replace(result, forces=replace(result.forces, torque=torque))
     assert crosscheck_driven(broken, model).outcome == "diverged"
     assert crosscheck_driven(replace(result, outcome="diverged"), model).outcome == "diverged"
-
-
-def test_a_free_run_with_another_motor_fails():
-    linkage = ms.catalog.make("four_bar")
-    motor = ms.motors.DCMotor(6.0, 2.0, 0.05)
-    model = ms.dynamics.dynamic_model(linkage, ms.Forces(gravity=(0.0, -9.81, 0.0), motor=motor))
-    result = ms.dynamics.run(model, initial={"crank.q": 0.3, "crank.v": 20.0}, duration=0.05, samples=10)
-    initial = InitialValues({"crank": 0.3}, {"crank": 20.0})
-    verdict = crosscheck_forward(result, model, initial)
-    assert verdict.passed, verdict
-    weaker = model.with_forces(replace(model.forces, motor=ms.motors.DCMotor(5.99, 2.0, 0.05)))
-    assert crosscheck_forward(result, weaker, initial).outcome == "failed"
 
 
 def three_armed(position):
@@ -119,13 +223,7 @@ def test_determined_reactions_of_a_redundant_crank_are_checked():
     run = driven(model.mechanism, model.forces, speed=50.0, method="step", samples=24)
     verdict = crosscheck_driven(run, model)
     assert verdict.passed, verdict
-    links = tuple(
-        replace(link, inertia=heavier(link.inertia)) if link.name == "third" else link
-        for link in model.mechanism.links
-    )
-    wrong = ms.dynamics.dynamic_model(
-        model.solver, model.forces, mechanism=replace(model.mechanism, links=links)
-    )
+    wrong = changed_link(model, "third", heavier)
     failed = {(item.kind, item.subject) for item in crosscheck_driven(run, wrong).checks if not item.passed}
     assert {("force", "third"), ("force", "third pin")} <= failed
 
@@ -166,27 +264,6 @@ def glued():
     return replace(whole, links=(*whole.links, ms.Link("half")), joints=(*joints, glue), guess=guess)
 
 
-@pytest.mark.parametrize(("mechanism", "cut"), [(rscr(), "sleeve"), (glued(), "glue")])
-@pytest.mark.parametrize("method", ["pose", "step"])
-def test_cylindrical_and_fixed_cut_joints_have_the_newton_euler_reactions(mechanism, cut, method):
-    acting = ms.Forces(
-        gravity=(0.3, -9.81, 2.1),
-        friction=(ms.Friction("sleeve", 0.02, 0.01, viscous_turn=1e-5, coulomb_turn=1e-4),),
-    )
-    model = ms.dynamics.dynamic_model(mechanism, acting)
-    run = driven(model.mechanism, acting, speed=30.0, turns=0.2, method=method, samples=8, cut=(cut,))
-    verdict = crosscheck_driven(run, model)
-    assert verdict.passed, verdict
-    sound = next(check for check in verdict.checks if check.subject == cut and check.kind == "moment")
-    assert sound.worst >= 0.0
-    half = tuple(
-        replace(link, inertia=heavier(link.inertia)) if link.name == "rod" else link
-        for link in model.mechanism.links
-    )
-    wrong = ms.dynamics.dynamic_model(model.solver, acting, mechanism=replace(model.mechanism, links=half))
-    assert not crosscheck_driven(run, wrong).passed
-
-
 def test_links_too_light_for_mujoco_are_rejected():
     lengths = {"ground": 1e-2, "crank": 3e-3, "coupler": 9e-3, "rocker": 7e-3, "arm": 4e-3}
     large, small = (
@@ -203,20 +280,11 @@ def test_links_too_light_for_mujoco_are_rejected():
 
 
 @pytest.mark.long
-def test_free_runs_with_redundant_loops_pass():
-    bennett = ms.dynamics.dynamic_model(ms.catalog.make("bennett"), ms.Forces())
-    for model, turns in ((three_armed((0.05, 0.03)), 0.2), (bennett, 0.1)):
-        result = ms.dynamics.run(model, initial={"crank.v": 60.0}, turns=turns, samples=30)
-        verdict = crosscheck_forward(result, model, InitialValues({}, {"crank": 60.0}))
-        assert verdict.passed, verdict
-
-
-@pytest.mark.long
 def test_a_free_run_with_nonlinear_couplings_has_fourth_order():
     model = ms.dynamics.dynamic_model(nonlinear_rocker(), ms.Forces(gravity=(0.3, -9.81, 0.0)))
-    errors = []
-    result = ms.dynamics.run(model, initial={"crank.v": 40.0}, duration=0.06, samples=40)
-    verdict = crosscheck_forward(result, model, InitialValues({}, {"crank": 40.0}))
+    errors, initial = [], {"crank.v": 40.0}
+    result = ms.dynamics.run(model, initial=initial, duration=0.06, samples=40)
+    verdict = crosscheck_forward(result, model, initial_values(model, initial))
     assert verdict.passed, verdict
     name = model.mechanism.crank.name
     start = {name: float(result.motion.angle[0])}, {name: 40.0}
@@ -235,17 +303,3 @@ def test_poor_conditioning_is_reported_with_stepped_forces():
         output[aside] = run.note
     assert "the loops hardly hold the links" in output[1e-4]
     assert output[0.03] == ""
-
-
-@pytest.mark.long
-def test_a_start_with_a_stiff_motor_conserves_energy():
-    motor = ms.motors.TorqueSpeedLine(100.0, 60.0)
-    model = ms.dynamics.dynamic_model(ms.catalog.make("four_bar"), ms.Forces(motor=motor))
-    result = ms.dynamics.run(model, turns=0.1, samples=10)
-    verdict = crosscheck_forward(result, model, InitialValues({}, {}))
-    assert verdict.passed, verdict
-    # the motor is at its speed before the second record
-    assert result.motion.speed[1] == pytest.approx(60.0, rel=1e-2)
-    assert result.energy_error <= 1e-6
-    weaker = model.with_forces(replace(model.forces, motor=ms.motors.TorqueSpeedLine(100.0, 59.99)))
-    assert not crosscheck_forward(result, weaker, InitialValues({}, {})).passed

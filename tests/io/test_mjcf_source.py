@@ -29,19 +29,9 @@ def five_bar(gap=3e-3, rod=0.09):
     p, q = tip - a, tip - d - [0.1, 0.0]
     angle = gap / rod
     q = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]) @ q
-    text = FIVE_BAR
-    values = {
-        "ACOS": a[0],
-        "ASIN": a[1],
-        "DCOS": d[0],
-        "DSIN": d[1],
-        "PX": p[0],
-        "PY": p[1],
-        "QX": q[0],
-        "QY": q[1],
-    }
-    for name, value in values.items():
-        text = text.replace(name, repr(float(value)))
+    text, names = FIVE_BAR, ("ACOS", "ASIN", "DCOS", "DSIN", "PX", "PY", "QX", "QY")
+    for name, value in zip(names, np.concatenate([a, d, p, q]).tolist(), strict=True):
+        text = text.replace(name, repr(value))
     return text
 
 

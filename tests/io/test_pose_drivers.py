@@ -51,20 +51,16 @@ def test_a_platform_has_the_prescribed_pose_and_leg_lengths():
     expected = Rotation.from_euler("XYZ", angles).as_matrix()
     np.testing.assert_allclose(plate.rotation, expected, atol=1e-14)
     mechanism = ms.load("stewart_gough").mechanism
-    for number in range(1, 7):
-        leg = mechanism.joint(f"l{number}")
-        upper = next(
-            j for j in mechanism.joints if j.kind == "spherical" and leg.b.link in (j.a.link, j.b.link)
-        )
-        lower = next(
-            j for j in mechanism.joints if j.kind == "universal" and leg.a.link in (j.a.link, j.b.link)
-        )
-        on_plate = upper.a if upper.a.link == "plate" else upper.b
-        on_ground = lower.a if lower.a.link == "ground" else lower.b
-        ends = plate.position + plate.rotation @ np.array(on_plate.point) - np.array(on_ground.point)
-        np.testing.assert_allclose(
-            motion.joints[f"l{number}"].value, np.linalg.norm(ends, axis=1), atol=1e-13
-        )
+
+    def end(base, link):
+        """Return the point of a base at which a joint connects a link."""
+        joint = next(j for j in mechanism.joints if {j.a.link, j.b.link} == {base, link})
+        return np.array((joint.a if joint.a.link == base else joint.b).point)
+
+    for name in (f"l{number}" for number in range(1, 7)):
+        leg = mechanism.joint(name)
+        ends = plate.position + plate.rotation @ end("plate", leg.b.link) - end("ground", leg.a.link)
+        np.testing.assert_allclose(motion.joints[name].value, np.linalg.norm(ends, axis=1), atol=1e-13)
 
 
 @pytest.mark.long

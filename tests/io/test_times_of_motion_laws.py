@@ -50,12 +50,6 @@ def test_a_crank_of_constant_speed_accepts_times(looped):
     )
     run = ms.simulate(solver, speed=3.0, samples=4)
     assert ms.crosscheck(run, solver.solve(t=run.motion.time, speed=3.0)).passed
-    with pytest.raises(ms.InputError, match="times t of a crank need its constant speed"):
-        solver.solve(t=TIMES)
-    with pytest.raises(ms.InputError, match="both crank angles and times t are given"):
-        solver.solve(TIMES, 3.0, t=TIMES)
-    with pytest.raises(ms.InputError, match="no instants are given"):
-        solver.solve()
 
 
 def test_a_run_with_a_motion_law_is_compared_at_its_crank_angles(swinging):

@@ -93,19 +93,15 @@ def test_a_sidecar_file_closes_loops_between_named_frames(written):
 def test_a_sidecar_file_makes_joints_spherical_universal_or_fixed(written):
     path = written(robot(ENDS))
     text = "closed_loop: [[rod_end, follower_end]]\ntype: [6d]\njoint_name: [knee]\njoint_type: [{}]\n"
-    kinds = {
-        kind: {
-            joint.name: joint.kind
-            for joint in ms.load(
-                path, loops=written(text.format(kind), f"{kind}.yaml"), still=True
-            ).mechanism.joints
-        }
-        for kind in ("SPHERICAL", "UJOINT_XY")
-    }
-    assert kinds["SPHERICAL"]["knee"] == "spherical"
-    assert {"knee", "knee_second"} <= kinds["UJOINT_XY"].keys()
+
+    def kinds(stated):
+        loaded = ms.load(path, loops=written(text.format(stated), "joints.yaml"), still=True)
+        return {joint.name: joint.kind for joint in loaded.mechanism.joints}
+
+    assert kinds("SPHERICAL")["knee"] == "spherical"
+    assert {"knee", "knee_second"} <= kinds("UJOINT_XY").keys()
     with pytest.raises(ms.InputError, match="joint_type of 'knee' is 'PLANAR'"):
-        ms.load(path, loops=written(text.format("PLANAR"), "planar.yaml"), still=True)
+        kinds("PLANAR")
 
 
 # of scikit-robot: points and axes in the root frame with all joints at zero

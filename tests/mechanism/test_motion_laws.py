@@ -7,19 +7,7 @@ from driven_mechanisms import five_bar
 import mechsim as ms
 from mechsim.mechanism.motion_laws import CRANK
 
-PARAMETER = np.linspace(0.2, 1.4, 7)
 LAWS = {"left": "110deg + 20deg*sin(2*pi*t)", "right": "60deg + 15deg*cos(3*t)"}
-
-
-@pytest.mark.parametrize("name", ["four_bar", "looper", "klann"])
-def test_the_default_motion_law_is_that_of_a_crank(name):
-    laws = ms.load(name).motion_laws
-    assert laws is CRANK
-    assert laws.axis == "angle"
-    assert laws.path_speed(3.0) == 3.0
-    assert laws.time(PARAMETER) is None
-    for values, expected in zip(laws.along_path(PARAMETER), (PARAMETER, 1.0, 0.0), strict=True):
-        np.testing.assert_array_equal(values[0], np.broadcast_to(expected, 7))
 
 
 def test_path_parameters_and_times_are_consistent():

@@ -1,6 +1,6 @@
 """Each setting declares its description, default, valid values, option and table row."""
 
-from dataclasses import dataclass, fields
+from dataclasses import fields
 
 import numpy as np
 import pytest
@@ -35,13 +35,3 @@ def test_a_setting_is_read_from_text(text) -> None:
     name, value = settings.setting_of(text)
     assert (name, value) == (text.partition("=")[0], VALUES[text])
     assert getattr(Settings(**{name: value}), name) != getattr(Settings(), name)
-
-
-def test_a_declared_setting_has_a_check_and_a_row() -> None:
-    @dataclass(frozen=True)
-    class More(Settings):
-        noise: float = settings.setting(1.0, "Noise.", **settings.POSITIVE, row=("noise", "{:g} dB".format))
-
-    assert More().rows() == Settings().rows() | {"noise": "1 dB"}
-    with pytest.raises(InputError, match=r"noise is -2\.0; give a finite number above 0"):
-        More(noise=-2.0)

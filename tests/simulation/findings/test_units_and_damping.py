@@ -29,59 +29,54 @@ PENDULUM = model_text("units_and_damping_pendulum.xml")
 EXPLICIT = 'integrator="Euler"><flag eulerdamp="disable"/></option'
 TENDON = '<tendon><fixed name="cable" damping="{}"><joint joint="hinge" coef="1"/></fixed></tendon>'
 SERVO = '<actuator><{} name="servo" joint="hinge" {}="{}"/></actuator>'
-# place of a damper or spring; option, element, limit times the step (or its square) over the inertia
+# text of a damper or spring, option, element, limit times the step (or its square) over the inertia
 LIMITS = {
-    "joint damping with RK4": ('integrator="RK4"', "hinge", RK4_LIMIT, 1),
-    "joint damping, Euler without eulerdamp": (EXPLICIT, "hinge", 2.0, 1),
-    "tendon damping with Euler": ("", "cable", 2.0, 1),
-    "velocity servo with Euler": ("", "servo", 2.0, 1),
-    "position servo with Euler": ("", "servo", 4.0, 2),
-    "joint spring with implicitfast": ('integrator="implicitfast"', "hinge", 4.0, 2),
+    "joint damping with RK4": ({"joint": 'damping="{}"'}, 'integrator="RK4"', "hinge", RK4_LIMIT, 1),
+    "joint damping, Euler without eulerdamp": ({"joint": 'damping="{}"'}, EXPLICIT, "hinge", 2.0, 1),
+    "tendon damping with Euler": ({"rest": TENDON}, "", "cable", 2.0, 1),
+    "velocity servo with Euler": ({"rest": SERVO.format("velocity", "kv", "{}")}, "", "servo", 2.0, 1),
+    "position servo with Euler": ({"rest": SERVO.format("position", "kp", "{}")}, "", "servo", 4.0, 2),
+    "joint spring with implicitfast": (
+        {"joint": 'stiffness="{}"'},
+        'integrator="implicitfast"',
+        "hinge",
+        4.0,
+        2,
+    ),
 }
 
 
-def pendulum(case, factor):
-    """Return the text of a link with a damper or spring of `factor` times its limit."""
-    option, _, limit, order = LIMITS[case]
-    value = factor * limit * INERTIA / STEP**order
-    joint = {"joint damping": f'damping="{value}"', "joint spring": f'stiffness="{value}"'}
-    rest = {
-        "tendon damping": TENDON.format(value),
-        "velocity servo": SERVO.format("velocity", "kv", value),
-        "position servo": SERVO.format("position", "kp", value),
-    }
-    kind = " ".join(case.replace(",", "").split()[:2])
-    text = PENDULUM.format(
-        step=STEP, option=option, inertia=INERTIA, joint=joint.get(kind, ""), rest=rest.get(kind, "")
-    )
+def pendulum(option="", joint="", rest=""):
+    text = PENDULUM.format(step=STEP, option=option, inertia=INERTIA, joint=joint, rest=rest)
     return text.replace("</option/>", "</option>")
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("case", LIMITS)
-def test_the_limit_of_a_damper_or_spring_is_that_of_the_integrator(case, tmp_path):
-    path = tmp_path / "arm.xml"
+def test_the_limit_of_a_damper_or_spring_is_that_of_the_integrator(case, file):
+    texts, option, element, limit, order = LIMITS[case]
     for factor in (0.95, 1.05):
-        path.write_text(pendulum(case, factor))
-        violations = [v for v in ms.check(str(path)) if v.rule == "MS114"]
-        assert [v.object for v in violations] == ([LIMITS[case][1]] if factor > 1.0 else [])
+        value = factor * limit * INERTIA / STEP**order
+        path = file(pendulum(option, **{key: text.format(value) for key, text in texts.items()}))
+        violations = [v for v in ms.check(path) if v.rule == "MS114"]
+        assert [v.object for v in violations] == ([element] if factor > 1.0 else [])
         # MuJoCo itself, from a small rate
-        model = mujoco.MjModel.from_xml_path(str(path))
+        model = mujoco.MjModel.from_xml_path(path)
         data = mujoco.MjData(model)
         data.qvel[0] = 1e-6
         for _ in range(60):
             mujoco.mj_step(model, data)
         assert (abs(data.qvel[0]) > 1e-5) == (factor > 1.0)
     # the step of the remedy is stable
-    assert violations[0].value * 0.9 <= 1.05 ** (1 / LIMITS[case][3]) <= violations[0].value
+    assert violations[0].value * 0.9 <= 1.05 ** (1 / order) <= violations[0].value
     # the ratio of steps is 1 at the limit
     assert violations[0].gap == violations[0].value - 1.0
 
 
 def test_implicit_damping_is_stable_at_any_size(file):
     for option in ("", 'integrator="implicitfast"'):
-        text = PENDULUM.format(step=STEP, option=option, inertia=INERTIA, joint='damping="1e4"', rest="")
-        assert "MS114" not in {violation.rule for violation in ms.check(file(text))}
+        path = file(pendulum(option, 'damping="1e4"'))
+        assert "MS114" not in {violation.rule for violation in ms.check(path)}
 
 
 @pytest.mark.long
@@ -96,16 +91,12 @@ def test_a_rejected_file_among_several_is_its_own_finding(tmp_path, mechsim):
         (tmp_path / f"{name}.xml").write_text(changed_text(text))
     paths = [str(tmp_path / f"{name}.xml") for name in files]
 
-    def run(*arguments):
-        answer = mechsim("check", *arguments)
-        return answer.code, answer
-
-    code, out = run(*paths, "--output-format", "json")
-    violations = {(finding["rule"], finding["file"]) for finding in json.loads(out.out)["findings"]}
-    assert code == 1
+    answer = mechsim("check", *paths, "--output-format", "json")
+    violations = {(finding["rule"], finding["file"]) for finding in json.loads(answer.out)["findings"]}
+    assert answer.code == 1
     assert {("MS113", paths[0]), ("MS100", paths[1]), ("MS105", paths[2])} <= violations
     assert [file for rule, file in violations if rule == "MS100"] == [paths[1]]
-    assert run(paths[1])[0] == 2
+    assert mechsim("check", paths[1]).code == 2
 
 
 WELD = model_text("units_and_damping_weld.xml")
