@@ -119,8 +119,11 @@ def statics(
 
 
 def _with_masses(model: DynamicModel, result: Result, verbose: bool | None = None) -> Result:
-    """Return a result with its masses, and a note of the states of motors that it does not contain."""
-    stated = [actuator.name for actuator in model.forces.actuators if actuator.inflow is not None]
+    """Return a result with its masses, and notes of what varies over time, or is the state of a motor."""
+    forces = model.forces
+    if any(load.over == "time" for load in forces.load_profiles) or any(c.varies for c in forces.controllers):
+        notes.append("loads and controllers that vary over time have their values at 0 s")
+    stated = [actuator.name for actuator in forces.actuators if actuator.inflow is not None]
     if stated:
         notes.append(
             f"{', '.join(stated)}: the state is steady: a current or a filter follows at once, and an "

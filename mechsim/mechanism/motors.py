@@ -57,6 +57,11 @@ class Controller:
         object.__setattr__(self, "_expression", expression)
 
     @property
+    def varies(self) -> bool:
+        """Whether it depends on the time."""
+        return "t" in self._expression.names
+
+    @property
     def instructions(self) -> tuple[Instruction, ...]:
         """The evaluation of its expression, in which the k-th input is named `state_k_`."""
         return self._expression.instructions
