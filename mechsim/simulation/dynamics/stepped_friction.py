@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from mechsim.mechanism.force_record import Reaction
 from mechsim.mechanism.forces import Forces
@@ -37,8 +38,11 @@ EQUALITY = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
 FRICTION = int(mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF)
 # where the magnitude of a friction is that acts by controls
 DRY, DOF = "dry", "dof_frictionloss"
-# rate relative to the fastest one below which a joint is at rest: soft friction creeps
+# rate relative to the fastest one below which a joint whose friction acts by controls is at rest
 AT_REST = 1e-6
+# rate relative to that which friction stops within a step, below which a joint is at rest: soft friction
+# creeps with 1e-4 of it
+CREEP = 1e-2
 FIELDS = (
     *("xpos", "xmat", "xipos", "site_xpos", "site_xmat", "actuator_force", "ten_length", "ten_velocity"),
     *("subtree_com", "qacc"),
@@ -60,13 +64,23 @@ def with_placeholders(mechanism: Mechanism, forces: Forces) -> Forces:
 
 @dataclass(frozen=True, slots=True)
 class StoredFriction:
-    """A friction by the load, by its number in the joint, and where MuJoCo has its magnitude."""
+    """A friction that varies, by its number in the joint.
+
+    Attributes:
+        friction: of the joint.
+        number: of this friction among those of the joint.
+        constant: friction without a load.
+        array: where MuJoCo has its magnitude.
+        index: in this array.
+        yielding: acceleration of the coordinate by a unit of it, without the loops; 0 if it acts by controls.
+    """
 
     friction: Friction
     number: int
     constant: float
     array: str
     index: int
+    yielding: float
 
 
 class UpdatedFriction:
@@ -87,8 +101,10 @@ class UpdatedFriction:
         # changes of the terms of each load by a unit of each friction, (k, TERMS, 3, k)
         self.response = np.zeros((len(self.stored), TERMS, 3, len(self.stored)))
         self.fastest = 0.0
-        # frictions by the load at the start of each step
+        # frictions by the load at the start of each step, and the rates before the present step, (k,)
         self.history = list[Array]()
+        self.rates = np.zeros(len(self.stored))
+        self.resting = np.zeros(len(self.stored), dtype=bool)
 
     def _stored(self, friction: Friction) -> list[StoredFriction]:
         mechanism, stepped = self.model.mechanism, self.loops.model
@@ -99,19 +115,27 @@ class UpdatedFriction:
             kind = KINDS[joint.kind]
             own = [other for other in self.model.forces.friction if other.joint == joint.name]
             constant = sum(other.sizes(kind)[index][1] for other in own)
+            rows = list[tuple[int, float]]()
             name = "" if kind.ball else joint.coordinates[index]
             if name in joints:
                 array = DOF, int(stepped.jnt_dofadr[joints[name]])
+                rows = [(joints[name], 1.0)]
             elif f"friction in {joint.name}" in tendons:
                 array = "tendon_frictionloss", tendons.index(f"friction in {joint.name}")
+                first = int(stepped.tendon_adr[array[1]])
+                wraps = range(first, first + int(stepped.tendon_num[array[1]]))
+                rows = [(int(stepped.wrap_objid[w]), float(stepped.wrap_prm[w])) for w in wraps]
             else:
                 array = DRY, next(i for i, item in enumerate(self.dry) if item.joint == joint.name)
-            stored.append(StoredFriction(friction, number, constant, *array))
+            yielding = sum(weight**2 / float(stepped.dof_M0[stepped.jnt_dofadr[j]]) for j, weight in rows)
+            stored.append(StoredFriction(friction, number, constant, *array, yielding))
         return stored
 
     def update(self, data: mujoco.MjData) -> None:
         """Set the friction of the next step by the constraint forces of the present state."""
-        if not self.history:
+        resting, rates = self._resting(data), self._rates(data)
+        changed, self.resting, self.rates = bool((resting != self.resting).any()), resting, rates
+        if changed or not self.history:
             self._converge(data)
         else:
             before, last = self.history[-2:][0], self.loads
@@ -180,23 +204,40 @@ class UpdatedFriction:
                 # the friction of the thread is part of its load
                 moment = moment + np.sign(rubbing[item.index]) * friction[k] * axis
             _, maps = item.friction.loads(joint, axis[None])[item.number]
-            ratio = self._ratio(data, item)
+            ratio = item.friction.ratio_at_rest
+            if not self.resting[k]:
+                ratio = float(item.friction.ratio(self.rates[[k]])[0])
             terms[k] = ratio * (maps[0] @ np.concatenate([reactions[joint.name].force[0], moment]))
             constant[k] = (ratio - 1.0) * (0.0 if KINDS[joint.kind].mixed else item.constant)
         return terms, constant
 
-    def _ratio(self, data: mujoco.MjData, item: StoredFriction) -> float:
-        """Return a friction at the present rate relative to that in fast motion."""
-        if not item.friction.static:
-            return 1.0
+    def _resting(self, data: mujoco.MjData) -> NDArray[np.bool_]:
+        """Return whether each friction is that at rest, which differs, (k,)."""
+        model, rates = self.loops.model, self._rates(data)
         self.fastest = max(self.fastest, float(np.abs(data.qvel).max()))
-        rate = (
-            float(np.linalg.norm(data.actuator_velocity[self.dry[item.index].actuators]))
-            if item.array == DRY
-            else float((data.qvel if item.array == DOF else data.ten_velocity)[item.index])
+        slow = [
+            CREEP * model.opt.timestep * getattr(model, item.array)[item.index] * item.yielding
+            if item.yielding
+            else AT_REST * self.fastest
+            for item in self.stored
+        ]
+        still = np.abs(rates) <= np.array(slow)
+        # a rate that changes its sign within a step was zero, and decays at rest
+        reversing, decaying = rates * self.rates < 0.0, np.abs(rates) < np.abs(self.rates)
+        differs = np.array([item.friction.static > 0.0 for item in self.stored])
+        return differs & (still | reversing | (self.resting & decaying))
+
+    def _rates(self, data: mujoco.MjData) -> Array:
+        """Return the rate of each friction, (k,); a magnitude where it acts by controls."""
+        rates = {DOF: data.qvel, "tendon_frictionloss": data.ten_velocity}
+        return np.array(
+            [
+                rates[item.array][item.index]
+                if item.array in rates
+                else np.linalg.norm(data.actuator_velocity[self.dry[item.index].actuators])
+                for item in self.stored
+            ]
         )
-        at_rest = abs(rate) <= AT_REST * self.fastest
-        return item.friction.ratio_at_rest if at_rest else float(item.friction.ratio(np.array(rate)))
 
     def _axis(self, data: mujoco.MjData, joint: Joint) -> Array:
         """Return the axis of a joint on side a, (3,)."""
