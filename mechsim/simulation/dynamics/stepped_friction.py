@@ -236,7 +236,8 @@ class UpdatedFriction:
                 if item.array in rates
                 else np.linalg.norm(data.actuator_velocity[self.dry[item.index].actuators])
                 for item in self.stored
-            ]
+            ],
+            dtype=np.float64,
         )
 
     def _axis(self, data: mujoco.MjData, joint: Joint) -> Array:
