@@ -7,13 +7,21 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import gc
 import itertools
-from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, settings
-from typed_call import Answer, Call
+
+
+class Answer(NamedTuple):
+    """Exit code and output of a command."""
+
+    code: int
+    out: str
+    err: str
+
 
 # a wheel holds the tests, but not the scripts and examples that these read
 OF_THE_REPOSITORY = [
@@ -41,26 +49,26 @@ settings.load_profile("mechsim")
 
 
 @pytest.fixture(scope="session", autouse=True)
-def floating_point_errors_raise() -> Iterator[None]:
+def floating_point_errors_raise():
     # underflow to zero is not an error
     before = np.seterr(over="raise", divide="raise", invalid="raise")
     yield
     np.seterr(**before)
 
 
-def pytest_collection_finish() -> None:
+def pytest_collection_finish():
     """Exempt all that is loaded by now from garbage collection, which would walk over it again and again."""
     gc.freeze()
 
 
 @pytest.fixture
-def fast_timers(monkeypatch: pytest.MonkeyPatch) -> None:
+def fast_timers(monkeypatch):
     """Let the clocks of a budget advance by 5 ms at each reading, however long the work takes."""
     from mechsim.numerics import resources
 
     readings = itertools.count()
 
-    def reading() -> float:
+    def reading():
         return 5e-3 * next(readings)
 
     monkeypatch.setattr("time.perf_counter", reading)
@@ -68,10 +76,10 @@ def fast_timers(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture
-def file(tmp_path: Path) -> Callable[[str], str]:
+def file(tmp_path):
     """Return a function that writes the text of a model, MJCF or TOML, and returns its path."""
 
-    def written(text: str) -> str:
+    def written(text):
         path = tmp_path / ("model.xml" if text.lstrip().startswith("<") else "model.toml")
         path.write_text(text)
         return str(path)
@@ -80,13 +88,13 @@ def file(tmp_path: Path) -> Callable[[str], str]:
 
 
 @pytest.fixture
-def mechsim(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> Call:
+def mechsim(monkeypatch, capsys, tmp_path):
     """Return a function that runs a command in an empty folder, in this process."""
     from mechsim.cli import main
 
     monkeypatch.chdir(tmp_path)
 
-    def call(*arguments: str | Path) -> Answer:
+    def call(*arguments):
         monkeypatch.setattr("sys.argv", ["mechsim", *map(str, arguments)])
         with pytest.raises(SystemExit) as ended:
             main()

@@ -14,7 +14,7 @@ from mechsim.mechanism.forces import Forces, located
 from mechsim.mechanism.joint_kinds import KINDS
 from mechsim.mechanism.links import GROUND
 from mechsim.mechanism.mechanism import Mechanism
-from mechsim.mechanism.motion import Motion
+from mechsim.mechanism.motion import LinkMotion, Motion
 
 
 @dataclass(frozen=True)
@@ -24,38 +24,35 @@ class Action:
     name: str
     on: str
     by: str | None
-    force: np.ndarray
-    point: np.ndarray
-    moment: np.ndarray
+    force: np.ndarray | float
+    point: np.ndarray | float = 0.0
+    moment: np.ndarray | float = 0.0
 
 
 class Posture:
-    """Poses and velocities of links at n instants."""
+    """Poses and velocities of links and the ground at n instants."""
 
     def __init__(self, motion: Motion) -> None:
         self.motion, self.n = motion, len(motion)
+        none = np.zeros((self.n, 3))
+        ground = LinkMotion(none, np.tile(np.eye(3), (self.n, 1, 1)), none, none, none, none)
+        self.links = {**motion.links, GROUND: ground}
 
     def rotated(self, link: str, vector: object) -> np.ndarray:
         """Return a vector of a link's frame in the ground frame."""
-        values = np.asarray(vector, dtype=np.float64)
-        if link == GROUND:
-            return np.broadcast_to(values, (self.n, 3))
-        return self.motion.links[link].rotation @ values
+        return self.links[link].rotation @ np.asarray(vector, dtype=np.float64)
 
     def point(self, link: str, local: object) -> np.ndarray:
         """Return a point of a link."""
-        arm = self.rotated(link, local)
-        return arm if link == GROUND else self.motion.links[link].position + arm
+        return self.links[link].position + self.rotated(link, local)
 
     def spin(self, link: str) -> np.ndarray:
         """Return the angular velocity of a link."""
-        return np.zeros((self.n, 3)) if link == GROUND else self.motion.links[link].angular_velocity
+        return self.links[link].angular_velocity
 
     def velocity(self, link: str, point: np.ndarray) -> np.ndarray:
         """Return the velocity of the point of a link at a position."""
-        if link == GROUND:
-            return np.zeros((self.n, 3))
-        moved = self.motion.links[link]
+        moved = self.links[link]
         return moved.velocity + np.cross(moved.angular_velocity, point - moved.position)
 
 
@@ -71,63 +68,47 @@ def largest_imbalance(
         record: reported forces at the same instants.
         without: name of an action to leave out.
     """
-    posture = Posture(motion)
-    acting = [item for item in actions(mechanism, forces, motion, record) if item.name != without]
+    posture, length = Posture(motion), mechanism.characteristic_length
+    every = [*actions(mechanism, forces, motion, record)]
     scale = max(
-        float(np.linalg.norm(vector, axis=1).max(initial=0.0)) / unit
-        for item in actions(mechanism, forces, motion, record)
-        for vector, unit in ((item.force, 1.0), (item.moment, mechanism.characteristic_length))
+        float(np.linalg.norm(np.atleast_2d(vector), axis=1).max(initial=0.0)) / unit
+        for item in every
+        for vector, unit in ((item.force, 1.0), (item.moment, length))
     )
     worst = 0.0
     for link in mechanism.links:
         assert link.inertia is not None
         centre = posture.point(link.name, link.inertia.centre)
         force, moment = _inertial(posture, link.name, link.inertia)
-        for item in acting:
-            for named, sign in ((item.on, -1.0), (item.by, 1.0)):
-                if named == link.name:
-                    force = force + sign * item.force
-                    moment = moment + sign * (item.moment + np.cross(item.point - centre, item.force))
-        worst = max(
-            worst, float(np.abs(force).max()), float(np.abs(moment).max()) / mechanism.characteristic_length
-        )
+        for item in every:
+            sign = float(item.by == link.name) - float(item.on == link.name)
+            if sign and item.name != without:
+                force = force + sign * item.force
+                arm = np.broadcast_to(item.point - centre, centre.shape)
+                moment = moment + sign * (item.moment + np.cross(arm, np.zeros(3) + item.force))
+        worst = max(worst, float(np.abs(force).max()), float(np.abs(moment).max()) / length)
     return worst / scale
 
 
 def actions(mechanism: Mechanism, forces: Forces, motion: Motion, record: ForceRecord) -> Iterator[Action]:
     """Yield all actions on the links, described and reported."""
-    posture, none = Posture(motion), np.zeros((len(motion), 3))
+    posture, instants = Posture(motion), (motion.angle, motion.time)
     for link in mechanism.links:
         assert link.inertia is not None
-        weight = none + link.inertia.mass * np.asarray(forces.gravity)
-        yield Action(
-            f"weight of {link.name}",
-            link.name,
-            None,
-            weight,
-            posture.point(link.name, link.inertia.centre),
-            none,
-        )
+        weight = link.inertia.mass * np.asarray(forces.gravity)
+        centre = posture.point(link.name, link.inertia.centre)
+        yield Action(f"weight of {link.name}", link.name, None, weight, centre)
     for i, load in enumerate(forces.loads):
         link, local = located(mechanism, load.location)
-        yield Action(
-            f"load {i}",
-            link,
-            None,
-            load.force.evaluate(motion.angle, motion.time),
-            posture.point(link, local),
-            none,
-        )
+        yield Action(f"load {i}", link, None, load.force.evaluate(*instants), posture.point(link, local))
     for i, couple in enumerate(forces.couples):
-        yield Action(
-            f"couple {i}", couple.link, None, none, none, couple.moment.evaluate(motion.angle, motion.time)
-        )
+        yield Action(f"couple {i}", couple.link, None, 0.0, moment=couple.moment.evaluate(*instants))
     yield from _springs(mechanism, forces, posture)
     yield from _friction(mechanism, forces, posture)
     for name, item in record.reactions.items():
         yield Action(f"reaction of {name}", item.link, item.by, item.force, item.point, item.moment)
     for name, item in record.meshes.items():
-        yield Action(f"teeth of {name}", item.link, item.by, item.force, item.point, none)
+        yield Action(f"teeth of {name}", item.link, item.by, item.force, item.point)
     if not record.drives:
         yield along_coordinate(mechanism, posture, mechanism.crank.name, record.torque, "drive")
     for name, effort in {**record.drives, **record.locked}.items():
@@ -143,9 +124,9 @@ def along_coordinate(
     kind, index = KINDS[joint.kind], joint.coordinates.index(coordinate)
     axis = {"x": 0, "y": 1}.get(kind.slides[index], 2) if index < len(kind.slides) else 2
     vector = effort[:, None] * posture.rotated(joint.a.link, joint.a.frame[:, axis])
-    point, none = posture.point(joint.b.link, joint.b.point), np.zeros((posture.n, 3))
-    vectors = (vector, none) if index < len(kind.slides) else (none, vector)
-    return Action(name, joint.b.link, joint.a.link, vectors[0], point, vectors[1])
+    point = posture.point(joint.b.link, joint.b.point)
+    force, moment = (vector, 0.0) if index < len(kind.slides) else (0.0, vector)
+    return Action(name, joint.b.link, joint.a.link, force, point, moment)
 
 
 def _ideal_transmissions(mechanism: Mechanism, posture: Posture, record: ForceRecord) -> Iterator[Action]:
@@ -155,21 +136,16 @@ def _ideal_transmissions(mechanism: Mechanism, posture: Posture, record: ForceRe
         if name in record.meshes or {*law.coordinates} in screws:
             continue
         joints = posture.motion.joints
-        right = (
-            sum(weight * joints[coordinate].value for coordinate, weight in law.right_terms.items())
-            - law.zeros[1]
-        )
+        right = sum(weight * joints[item].value for item, weight in law.right_terms.items()) - law.zeros[1]
         gradient = np.polynomial.Polynomial(law.coefficients).deriv()(right + np.zeros(posture.n))
         for terms, factor in ((law.left_terms, np.ones(posture.n)), (law.right_terms, -gradient)):
             for coordinate, weight in terms.items():
                 effort = weight * factor * record.gears[name]
-                yield along_coordinate(
-                    mechanism, posture, coordinate, effort, f"coupling {name} on {coordinate}"
-                )
+                acting = f"coupling {name} on {coordinate}"
+                yield along_coordinate(mechanism, posture, coordinate, effort, acting)
 
 
 def _springs(mechanism: Mechanism, forces: Forces, posture: Posture) -> Iterator[Action]:
-    none = np.zeros((posture.n, 3))
     for i, spring in enumerate(forces.springs):
         (link_a, a), (link_b, b) = (located(mechanism, position) for position in (spring.a, spring.b))
         first, second = posture.point(link_a, a), posture.point(link_b, b)
@@ -178,7 +154,7 @@ def _springs(mechanism: Mechanism, forces: Forces, posture: Posture) -> Iterator
         closing = posture.velocity(link_b, second) - posture.velocity(link_a, first)
         rate = (closing * difference).sum(1, keepdims=True) / length
         tension = spring.stiffness * (length - spring.rest) + spring.damping * rate
-        yield Action(f"spring {i}", link_a, link_b, tension * difference / length, first, none)
+        yield Action(f"spring {i}", link_a, link_b, tension * difference / length, first)
     for spring in forces.joint_springs:
         stretch = posture.motion.joints[spring.joint].value - spring.rest
         if mechanism.joint(spring.joint).kind == "revolute":
@@ -196,7 +172,7 @@ def _friction(mechanism: Mechanism, forces: Forces, posture: Posture) -> Iterato
         if joint.kind == "spherical":
             speed = np.linalg.norm(spin, axis=1, keepdims=True)
             couple = -(rubbing.viscous + rubbing.coulomb / np.where(speed > 0.0, speed, 1.0)) * spin
-            yield Action(name, joint.b.link, joint.a.link, np.zeros((posture.n, 3)), point, couple)
+            yield Action(name, joint.b.link, joint.a.link, 0.0, point, couple)
             continue
         axis = posture.rotated(joint.a.link, joint.a.axis)
         moved = posture.velocity(joint.b.link, point) - posture.velocity(joint.a.link, point)
@@ -208,8 +184,8 @@ def _friction(mechanism: Mechanism, forces: Forces, posture: Posture) -> Iterato
             kind: -(viscous * rates[kind] + dry * np.sign(rates[kind]))[:, None] * axis
             for kind, (viscous, dry) in sizes.items()
         }
-        force = resisted["slide"] if sliding else np.zeros((posture.n, 3))
-        couple = resisted["turn"] if mixed or not sliding else np.zeros((posture.n, 3))
+        force = resisted["slide"] if sliding else 0.0
+        couple = resisted["turn"] if mixed or not sliding else 0.0
         yield Action(name, joint.b.link, joint.a.link, force, point, couple)
 
 
@@ -230,12 +206,10 @@ def largest_work(mechanism: Mechanism, motion: Motion, record: ForceRecord) -> f
     It is relative to the largest force times the largest speed. Ideal constraints do no work.
     """
     posture, power, force, speed = Posture(motion), 0.0, 0.0, 0.0
-    pairs = [(item, item.moment) for item in record.reactions.values()]
-    pairs += [(item, np.zeros_like(item.force)) for item in record.meshes.values()]
-    for item, moment in pairs:
+    for item in (*record.reactions.values(), *record.meshes.values()):
         velocities = [posture.velocity(link, item.point) for link in (item.link, item.by)]
         spins = [mechanism.characteristic_length * posture.spin(link) for link in (item.link, item.by)]
-        moment = moment / mechanism.characteristic_length
+        moment = getattr(item, "moment", np.zeros(3)) / mechanism.characteristic_length
         work = item.force * (velocities[0] - velocities[1]) + moment * (spins[0] - spins[1])
         power = max(power, float(np.abs(work.sum(1)).max()))
         force = max(force, *(float(np.abs(vector).max()) for vector in (item.force, moment)))
@@ -249,11 +223,6 @@ def largest_slip(mechanism: Mechanism, motion: Motion, record: ForceRecord) -> f
     for item in record.meshes.values():
         velocities = [posture.velocity(link, item.point) for link in (item.link, item.by)]
         slip = max(slip, float(np.abs(velocities[0] - velocities[1]).max()))
-        speed = max(
-            speed,
-            *(
-                mechanism.characteristic_length * float(np.abs(posture.spin(link)).max())
-                for link in (item.link, item.by)
-            ),
-        )
+        spins = np.abs([posture.spin(link) for link in (item.link, item.by)])
+        speed = max(speed, mechanism.characteristic_length * float(spins.max()))
     return slip / speed if record.meshes else 0.0

@@ -1,24 +1,24 @@
-"""Python in a process of its own, for tests of what a process loads, prints or ends with."""
+"""Processes of their own, for tests of what Python loads, prints or ends with."""
 
 import os
 import subprocess
 import sys
-from pathlib import Path
 
 MAIN = "import sys; sys.argv[0] = 'mechsim'; from mechsim.cli import main; main()"
 
 
-def python(
-    *arguments: str | Path, folder: Path | None = None, **variables: str | None
-) -> subprocess.CompletedProcess[str]:
-    """Run Python in a folder, with changed environment variables, of which None removes one."""
+def process(*command, folder=None, **variables):
+    """Run a command in a folder, with changed environment variables, of which None removes one."""
     environment = {name: value for name, value in (os.environ | variables).items() if value is not None}
-    command = [sys.executable, *map(str, arguments)]
-    return subprocess.run(
-        command, cwd=folder, env=environment, capture_output=True, text=True, encoding="utf-8", timeout=120
-    )
+    options = {"cwd": folder, "env": environment, "capture_output": True, "text": True, "encoding": "utf-8"}
+    return subprocess.run([*map(str, command)], check=False, timeout=120, **options)
 
 
-def mechsim_run(*words: str, **options: str | Path | None) -> subprocess.CompletedProcess[str]:
-    """Run a command, as `python`."""
+def python(*arguments, **options):
+    """Run Python, as `process`."""
+    return process(sys.executable, *arguments, **options)
+
+
+def mechsim_run(*words, **options):
+    """Run a command of mechsim, as `process`."""
     return python("-c", MAIN, *words, **options)

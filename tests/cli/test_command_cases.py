@@ -8,15 +8,12 @@ one of the reference data.
 import json
 import shlex
 import xml.etree.ElementTree as ET
-from pathlib import Path
-from typing import Any
 
 import pytest
 from drawing import draws
 from expected import PLAIN_MARKERS, deviations, listed, normalised, require_keys, row_parameters
 from json_schemas import check_output
 from model_files import FOLDER, changed_text
-from typed_call import Answer, Call
 
 from mechsim import files
 from mechsim.io import reference_data
@@ -29,12 +26,12 @@ KEYS = {
 KEYS |= {*["out", "err", "not_out", "not_err", "texts", "json", "tables", "out_lines", "err_lines"]}
 
 
-def words_missing(text: str, words: str | list[str]) -> list[str]:
+def words_missing(text, words):
     """Return the words that a text does not contain, whatever its line breaks."""
     return [word for word in listed(words) if normalised(word) not in normalised(text)]
 
 
-def invalid_file(path: Path) -> bool:
+def invalid_file(path):
     """Return whether a file is absent, empty or no picture of its ending."""
     if not path.is_file() or not path.stat().st_size:
         return True
@@ -44,7 +41,7 @@ def invalid_file(path: Path) -> bool:
     return not path.read_bytes().startswith(start)
 
 
-def check_texts(answer: Answer, row: dict[str, Any], folder: Path) -> None:
+def check_texts(answer, row, folder):
     """Compare the words of the output and of files with those of a row."""
     assert words_missing(answer.out, row.get("out", [])) == [], answer.out
     assert words_missing(answer.err, row.get("err", [])) == [], answer.err
@@ -57,7 +54,7 @@ def check_texts(answer: Answer, row: dict[str, Any], folder: Path) -> None:
         assert words_missing((folder / name).read_text(encoding="utf-8"), words) == []
 
 
-def check(answer: Answer, row: dict[str, Any], words: list[str], folder: Path, before: set[Path]) -> None:
+def check(answer, row, words, folder, before):
     """Compare the answer of a command, and what it wrote, with a row."""
     assert answer.code == row.get("code", 0), answer.err or answer.out
     assert "Traceback" not in answer.err
@@ -79,9 +76,7 @@ def check(answer: Answer, row: dict[str, Any], words: list[str], folder: Path, b
     assert [name for name in row.get("absent", []) if (folder / name).exists()] == []
 
 
-def run_rows(
-    rows: list[dict[str, Any]], mechsim: Call, folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def run_rows(rows, mechsim, folder, monkeypatch):
     """Run the rows of a test in a folder."""
     last = None
     for row in rows:

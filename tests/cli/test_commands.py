@@ -3,24 +3,22 @@
 import inspect
 import json
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
 from processes import python
-from typed_call import Call
 
 from mechsim import catalog, cli
 
 
-def test_a_table_that_is_no_text_is_rejected(mechsim: Call, tmp_path: Path) -> None:
+def test_a_table_that_is_no_text_is_rejected(mechsim, tmp_path):
     (tmp_path / "profile.csv").write_bytes(b"\xff\xfe\x00")
     assert "it is not text" in mechsim("simulate", "rssr", "--drive", "crank=profile.csv").err
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("name", catalog.MECHANISMS)
-def test_show_lists_every_assembly_mode(name: str, mechsim: Call) -> None:
+def test_show_lists_every_assembly_mode(name, mechsim):
     result = json.loads(mechsim("show", name, "--angle", "30deg", "--json").out)
     assert result["mobility"] == (2 if name == "rssr" else 1)
     assert result["crank_range"] == "full turn"
@@ -40,7 +38,7 @@ def test_show_lists_every_assembly_mode(name: str, mechsim: Call) -> None:
 
 
 @pytest.mark.parametrize("name", cli.COMMANDS)
-def test_every_command_is_listed_with_its_complete_summary(name: str, mechsim: Call) -> None:
+def test_every_command_is_listed_with_its_complete_summary(name, mechsim):
     output = inspect.getdoc(cli.load_command(name).callback) or ""
     assert re.fullmatch(r"[A-Z].*\.", output.split("\n\n")[0], re.DOTALL)
     line = next(line for line in mechsim("--help").out.splitlines() if line.startswith(f"  {name} "))
@@ -50,7 +48,7 @@ def test_every_command_is_listed_with_its_complete_summary(name: str, mechsim: C
 HEAVY = {"scipy", "matplotlib", "mediapy", "pint", "networkx", "jinja2"}
 
 
-def loaded_by(*arguments: str) -> set[str]:
+def loaded_by(*arguments):
     """Return the packages loaded after these commands."""
     code = (
         "import sys\n"
@@ -64,12 +62,12 @@ def loaded_by(*arguments: str) -> set[str]:
     return set(python("-c", code).stdout.splitlines()[-1].split())
 
 
-def test_help_imports_no_heavy_library() -> None:
+def test_help_imports_no_heavy_library():
     # the time is a benchmark; this test asserts its cause
     assert not loaded_by("--help") & (HEAVY | {"numpy", "mujoco"})
 
 
 @pytest.mark.long
-def test_common_units_and_analytic_commands_import_no_heavy_library() -> None:
+def test_common_units_and_analytic_commands_import_no_heavy_library():
     usual = loaded_by("show four_bar", "solve four_bar --set crank=41mm --speed 300rpm --angles 0:360:45deg")
     assert not usual & {"pint", "xarray", "scipy", "matplotlib", "mediapy", "mujoco"}

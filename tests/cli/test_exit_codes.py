@@ -5,21 +5,21 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from processes import process, python
 
 from mechsim import cli
 
 MECHSIM = [sys.executable, "-m", "mechsim"]
-ENVIRONMENT = os.environ | {"PYTHONPATH": str(Path(cli.__file__).parents[2])}
+PATH = {"PYTHONPATH": str(Path(cli.__file__).parents[2])}
 RENDER = ["render", "rssr", "-o", "animation.mp4", "--frames-per-turn", "2000", "--size", "640x480"]
 SOLVE = ["solve", "rssr", "--angles", "0:3600:0.01deg", "-o", "out.csv"]
 
 
 @pytest.fixture(autouse=True, scope="module")
-def enabled_signals() -> Iterator[None]:
+def enabled_signals():
     """Enable signals that a test run in the background or under nohup ignores."""
     handlers = {signal.SIGINT: signal.default_int_handler, signal.SIGHUP: lambda *_: None}
     before = {number: signal.signal(number, handler) for number, handler in handlers.items()}
@@ -28,15 +28,10 @@ def enabled_signals() -> Iterator[None]:
         signal.signal(number, handler)
 
 
-def run(arguments: str, folder: Path, **environment: str) -> subprocess.CompletedProcess[str]:
-    command = f"{sys.executable} -m mechsim {arguments}"
-    return subprocess.run(
-        ["sh", "-c", command],
-        cwd=folder,
-        env=ENVIRONMENT | environment,
-        capture_output=True,
-        text=True,
-        check=False,
+def run(arguments, folder, **environment):
+    """Run a command in a shell."""
+    return process(
+        "sh", "-c", f"{sys.executable} -m mechsim {arguments}", folder=folder, **PATH, **environment
     )
 
 
@@ -50,9 +45,7 @@ def run(arguments: str, folder: Path, **environment: str) -> subprocess.Complete
         ("solve rssr >/dev/full", 2, "No space left on device"),
     ],
 )
-def test_closed_and_full_streams_keep_the_exit_code(
-    arguments: str, code: int, output: str, tmp_path: Path
-) -> None:
+def test_closed_and_full_streams_keep_the_exit_code(arguments, code, output, tmp_path):
     completed = run(arguments, tmp_path)
     assert completed.returncode == code
     assert output in completed.stderr
@@ -62,12 +55,12 @@ def test_closed_and_full_streams_keep_the_exit_code(
         assert (tmp_path / "out.csv").read_text().startswith("angle,P2.x")
 
 
-def started(arguments: list[str], folder: Path) -> subprocess.Popen[str]:
+def started(arguments, folder):
     """Start a command and wait until it writes."""
     process = subprocess.Popen(
         [*MECHSIM, *arguments],
         cwd=folder,
-        env=ENVIRONMENT,
+        env=os.environ | PATH,
         text=True,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
@@ -86,7 +79,7 @@ def started(arguments: list[str], folder: Path) -> subprocess.Popen[str]:
         ("SIGHUP", SOLVE),
     ],
 )
-def test_a_terminating_signal_leaves_no_files(name: str, arguments: list[str], tmp_path: Path) -> None:
+def test_a_terminating_signal_leaves_no_files(name, arguments, tmp_path):
     process = started(arguments, tmp_path)
     number = getattr(signal, name)
     if name == "SIGINT":
@@ -105,19 +98,17 @@ def test_a_terminating_signal_leaves_no_files(name: str, arguments: list[str], t
         os.killpg(process.pid, 0)
 
 
-def test_an_ignored_signal_stays_ignored(tmp_path: Path) -> None:
+def test_an_ignored_signal_stays_ignored(tmp_path):
     code = (
         "import signal, os; signal.signal(signal.SIGHUP, signal.SIG_IGN)\n"
         "from mechsim.cli import exit_codes\n"
         "raise SystemExit(exit_codes.exit_code(lambda: os.kill(os.getpid(), signal.SIGHUP)))"
     )
-    assert subprocess.run([sys.executable, "-c", code], env=ENVIRONMENT, check=False).returncode == 0
+    assert python("-c", code, **PATH).returncode == 0
 
 
-def test_an_internal_error_has_its_own_exit_code(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    def broken(**_: object) -> None:
+def test_an_internal_error_has_its_own_exit_code(monkeypatch, capsys):
+    def broken(**_):
         raise IndexError("list index out of range")
 
     monkeypatch.setattr(cli, "app", broken)
@@ -133,7 +124,7 @@ def test_an_internal_error_has_its_own_exit_code(
 
 
 @pytest.mark.long
-def test_a_failing_opengl_back_end_does_not_stop_other_commands(tmp_path: Path) -> None:
+def test_a_failing_opengl_back_end_does_not_stop_other_commands(tmp_path):
     completed = run("simulate rssr --method pose --samples 8", tmp_path, MUJOCO_GL="nonsense")
     assert completed.returncode == 0
     if completed.stderr:

@@ -2,11 +2,9 @@
 
 import shlex
 import tomllib
-from pathlib import Path
 
 import pytest
 from model_files import FOLDER
-from typed_call import Call
 
 from mechsim.numerics import resources
 
@@ -23,9 +21,7 @@ MEMORY = {"small_memory": 1e9, "large_memory": 1e15}
         for line in lines
     ],
 )
-def test_an_invalid_command_gives_one_line_and_no_file(
-    table: str, line: str, mechsim: Call, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_invalid_command_gives_one_line_and_no_file(table, line, mechsim, tmp_path, monkeypatch):
     if table in MEMORY:
         monkeypatch.setattr(resources, "available_memory", lambda: MEMORY[table])
     words = [str(FOLDER.parent / word) if word.startswith("models/") else word for word in shlex.split(line)]

@@ -1,13 +1,10 @@
 """Requested work is sized before it starts; long work reports its remaining time."""
 
-from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
 
 import mujoco
 import numpy as np
 import pytest
-from typed_call import Call
 
 from mechsim import catalog, dynamics, files, motors, units
 from mechsim.cli import inverse_dynamics as cli_dynamics
@@ -15,10 +12,8 @@ from mechsim.cli import options, progress, solve
 from mechsim.mechanism.forces import Forces
 
 
-def test_a_memory_error_of_mujoco_is_rejected_in_one_line(
-    monkeypatch: pytest.MonkeyPatch, mechsim: Call
-) -> None:
-    def fails(*_: object, **__: object) -> None:
+def test_a_memory_error_of_mujoco_is_rejected_in_one_line(monkeypatch, mechsim):
+    def fails(*_, **__):
         raise mujoco.FatalError("Could not allocate memory")
 
     monkeypatch.setattr(options, "load", fails)
@@ -28,9 +23,7 @@ def test_a_memory_error_of_mujoco_is_rejected_in_one_line(
 
 
 @pytest.mark.parametrize("line", ["solve rrsrr", "solve four_bar --drive crank=sin(3*t) --duration 2"])
-def test_a_solution_is_independent_of_chunks(
-    line: str, monkeypatch: pytest.MonkeyPatch, mechsim: Call
-) -> None:
+def test_a_solution_is_independent_of_chunks(line, monkeypatch, mechsim):
     for name, chunk in (("whole.csv", solve.CHUNK), ("parts.csv", 10)):
         monkeypatch.setattr(solve, "CHUNK", chunk)
         assert mechsim(*line.split(), "-o", name).code == 0
@@ -42,13 +35,11 @@ def test_a_solution_is_independent_of_chunks(
         np.testing.assert_allclose(chunked[name], column, rtol=0, atol=rounding)
 
 
-def test_long_work_reports_its_remaining_time(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_long_work_reports_its_remaining_time(monkeypatch, capsys):
     now = [0.0]
     monkeypatch.setattr(progress.time, "monotonic", lambda: now[0])
 
-    def lines(steps: list[tuple[Any, ...]], total: int | None = None, at_least: bool = False) -> list[str]:
+    def lines(steps, total=None, at_least=False):
         now[0] = 0.0
         with progress.progress("work", total, at_least=at_least) as report:
             for seconds, *arguments in steps:
@@ -80,13 +71,11 @@ def test_long_work_reports_its_remaining_time(
 
 @pytest.mark.long
 @pytest.mark.parametrize(("method", "count"), [("pose", 3), ("step", 3), ("none", 1)])
-def test_dynamics_report_progress_of_every_method(
-    method: str, count: int, monkeypatch: pytest.MonkeyPatch, mechsim: Call
-) -> None:
-    reported: list[tuple[str, float]] = []
+def test_dynamics_report_progress_of_every_method(method, count, monkeypatch, mechsim):
+    reported = []
 
     @contextmanager
-    def recorded_progress(*_: object) -> Iterator[progress.Progress]:
+    def recorded_progress(*_):
         yield lambda label="", fraction=None: reported.append((label.split(",")[0], fraction))
 
     monkeypatch.setattr(cli_dynamics, "progress", recorded_progress)
@@ -105,7 +94,7 @@ def test_dynamics_report_progress_of_every_method(
         motors.ConstantTorque(1e20),
     ],
 )
-def test_a_motor_much_too_strong_for_its_model_drives_it(motor: motors.PlainMotor) -> None:
+def test_a_motor_much_too_strong_for_its_model_drives_it(motor):
     model = dynamics.dynamic_model(catalog.make("four_bar"), Forces(motor=motor))
     run = dynamics.run(model, turns=0.25)
     assert run.outcome == "done"

@@ -4,8 +4,6 @@ import ast
 import importlib
 from pathlib import Path
 
-import mujoco
-import numpy as np
 import pytest
 
 import mechsim as ms
@@ -44,16 +42,3 @@ def test_declarations_for_type_checkers_match_the_runtime():
         )
         assert getattr(ms, name) is declared
     assert (Path(ms.__file__).parent / "py.typed").is_file()
-
-
-MODELS = Path(__file__).parents[2] / "models"
-
-
-@pytest.mark.parametrize(
-    "source",
-    ["four_bar", MODELS / "four_bar.xml", mujoco.MjSpec.from_file(str(MODELS / "four_bar.xml"))],
-    ids=["name", "path", "object"],
-)
-def test_dynamics_accepts_names_files_and_mujoco_objects(source):
-    run = ms.dynamics.run(source, initial={"crank.q": "30deg"}, duration="10ms", samples=2)
-    assert run.motion.joints["crank"].value[0] == pytest.approx(np.pi / 6.0, abs=1e-12)

@@ -36,8 +36,9 @@ MODELS = {
         ms.check,
         lambda model: ms.view(model),
         lambda model: ms.export(model, format="toml"),
+        lambda model: ms.dynamics.run(model, duration="10ms", samples=2),
     ],
-    ids=["load", "simulate", "trace", "sample", "check", "view", "export"],
+    ids=["load", "simulate", "trace", "sample", "check", "view", "export", "run"],
 )
 def test_every_function_accepts_every_kind_of_model(call, kind):
     assert call(MODELS[kind]()) is not None

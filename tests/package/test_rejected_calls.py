@@ -17,8 +17,16 @@ REJECTED = FOLDER.parent / "rejected"
 TABLES = tomllib.loads((REJECTED / "calls.toml").read_text(encoding="utf-8"))
 # values of the fields of files of tests/models
 VALUES = tomllib.loads((REJECTED / "models.toml").read_text(encoding="utf-8"))["values"]
+TEXTS = tomllib.loads((REJECTED / "texts.toml").read_text(encoding="utf-8"))
 CASES = [
     (names, kind, row) for names, kinds in TABLES.items() for kind, rows in kinds.items() for row in rows
+]
+# the key of a table of texts is the call
+CASES += [
+    (names, "InputError", [call.replace("TEXT", repr(text)), *words])
+    for names, calls in TEXTS.items()
+    for call, rows in calls.items()
+    for text, *words in rows
 ]
 
 

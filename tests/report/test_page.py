@@ -1,7 +1,7 @@
+import html
 import json
 import re
 from dataclasses import replace
-from html.parser import HTMLParser
 
 import numpy as np
 import pytest
@@ -19,23 +19,15 @@ PNG = bytes.fromhex(
 )
 
 
-class Reader(HTMLParser):
-    def __init__(self, page):
-        super().__init__()
-        self.tags, self.links, self.text = [], [], ""
-        self.skip = False
-        self.feed(page)
+def tags_in(page):
+    """Return the names of a page's tags; what a script contains is none."""
+    return re.findall(r"<(\w+)", re.sub(r"(<script[^>]*>).*?</script>", r"\1", page, flags=re.DOTALL))
 
-    def handle_starttag(self, tag, attrs):
-        self.tags.append(tag)
-        self.skip = tag == "style"
-        self.links += [value for name, value in attrs if name in ("src", "href", "srcset", "poster", "data")]
 
-    def handle_endtag(self, tag):
-        self.skip = False
-
-    def handle_data(self, data):
-        self.text += "" if self.skip else data
+def text_in(page):
+    """Return the text of a page, with single blanks."""
+    text = re.sub(r"<style.*?</style>|<[^>]*>", " ", page, flags=re.DOTALL)
+    return " ".join(html.unescape(text).split())
 
 
 def check(worst=3.2e-10, subject="P3", kind="position", method="step"):
@@ -80,9 +72,9 @@ def section():
 @pytest.mark.long
 def test_the_page_is_self_contained(section, tmp_path):
     page = page_of(tmp_path, section, rssr=PASSED)
-    observed = Reader(page)
-    assert all(link.startswith(("data:", "#")) or link == "validate.json" for link in observed.links)
-    assert sum(link.startswith("data:image/") for link in observed.links) == 2
+    links = re.findall(r'\s(?:src|href|srcset|poster|data)="([^"]*)', page)
+    assert all(link.startswith(("data:", "#")) or link == "validate.json" for link in links)
+    assert sum(link.startswith("data:image/") for link in links) == 2
     assert len(re.findall(r"url\(data:image/png;base64,", page)) == 1
     assert "@import" not in page
     assert not re.search(r"url\((?!data:)", page)
@@ -103,7 +95,7 @@ def test_failed_mechanisms_come_first_with_their_cause_and_failed_checks(section
     assert "velocity of P2" in first_screen
     assert notes[0] in first_screen
     assert page.index(cause, page.index('<section id="other"')) < page.index("<h3>Verdict")
-    assert "not a number at 68.8°, tolerance 1 nm" in Reader(page).text
+    assert "not a number at 68.8°, tolerance 1 nm" in text_in(page)
 
 
 def test_a_passed_file_with_findings_is_marked_and_lists_all(section, tmp_path):
@@ -116,7 +108,7 @@ def test_a_passed_file_with_findings_is_marked_and_lists_all(section, tmp_path):
         page = page_of(tmp_path, section, rssr=PASSED | {"findings": findings})
         assert f"<h1>Validation {verdict}</h1>" in page
         assert ('class="verdict some"' in page) == (len(findings) > 1)
-        text = " ".join(Reader(page).text.split())
+        text = text_in(page)
         for finding in findings:
             position = "" if finding["line"] is None else f"line {finding['line']}: "
             assert f"{position}{finding['message']}" in text
@@ -151,7 +143,7 @@ def test_the_tightest_check_of_each_kind_comes_first(section, tmp_path):
 def test_names_are_escaped(tmp_path):
     section = report.Section(name="rssr", title="<script>alert(1)</script>", facts={"<b>": "<i>"})
     page = page_of(tmp_path, section, rssr=PASSED)
-    tags = Reader(page).tags
+    tags = tags_in(page)
     assert {"b", "i"}.isdisjoint(tags)
     assert tags.count("script") == 1
     assert "alert(1)</script>" not in page

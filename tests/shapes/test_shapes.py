@@ -26,27 +26,16 @@ def mechanism_of(name):
 @pytest.mark.parametrize("name", NAMES)
 def test_every_joint_lies_in_a_shape_of_both_its_links(name):
     mechanism = mechanism_of(name)
-    shapes = link_shapes(mechanism)
-    normals = planar_normals(mechanism)
-    for joint in mechanism.joints:
-        for end in (joint.a, joint.b):
-            if end.link == GROUND:
-                continue
-            point = np.asarray(end.point)
-            differences = []
-            for shape in shapes[end.link]:
-                start, direction = np.asarray(shape.frm), np.subtract(shape.to, shape.frm)
-                off = point - start
-                if normals:  # layers are separated along the normal
-                    n = normals[end.link]
-                    off, direction = off - n * (off @ n), direction - n * (direction @ n)
-                share = (
-                    np.clip(off @ direction / (direction @ direction), 0.0, 1.0)
-                    if direction @ direction > 0.0
-                    else 0.0
-                )
-                differences.append(np.linalg.norm(off - share * direction))
-            assert min(differences) <= 2.7 * rod_radius(mechanism)
+    shapes, normals = link_shapes(mechanism), planar_normals(mechanism)
+    for end in (end for joint in mechanism.joints for end in (joint.a, joint.b) if end.link != GROUND):
+        start, stop = (np.array([getattr(s, side) for s in shapes[end.link]]) for side in ("frm", "to"))
+        # layers are separated along the normal
+        normal = normals[end.link] if normals else np.zeros(3)
+        flat = np.eye(3) - np.outer(normal, normal)
+        off, along = (end.point - start) @ flat, (stop - start) @ flat
+        share = np.clip((off * along).sum(1) / np.maximum((along**2).sum(1), 1e-300), 0.0, 1.0)
+        distances = np.linalg.norm(off - share[:, None] * along, axis=1)
+        assert distances.min() <= 2.7 * rod_radius(mechanism)
 
 
 def test_platforms_are_plates_and_a_hanging_robot_has_its_base_above():
