@@ -27,10 +27,14 @@ from mechsim.numerics.complementarity import complementary, least_in_box
 from mechsim.numerics.newton import root
 from mechsim.numerics.rank import null_space, pseudo_inverse
 
+# share of a friction's direction that prescribed motion leaves open, which is rounding
+DETERMINED = 1e-9
 # largest number of changes of sticking, sliding and contact at one instant
 MAX_CHANGES = 50
 # rate of a coordinate with friction, relative to the fastest rate so far, below which it is at rest
 REST = 1e-9
+# multiple of it at which a friction at rest has departed
+DEPARTED = 10.0
 # approach rate to a stop, relative to the fastest rate, below which there is contact without an impact: the
 # impacts that would follow have 1e-14 of the energy
 SOFT_IMPACT = 1e-7
@@ -60,6 +64,8 @@ AHEAD = 1e-4
 NO_RATE = 1e-30
 # smallest limit of a friction by the load, in [N] or [N m]: that of a joint without a load is zero
 NO_LIMIT = 1e-200
+# limit of a friction, and force on it, relative to the largest one that are rounding
+NO_LOAD = 1e-12
 # friction of a unit combination of redundant constraint forces, in [N] or [N m], that is rounding
 NO_FRICTION = 1e-9
 
@@ -89,11 +95,13 @@ class ContactMode:
     """The frictions that slide (with direction) or stick, and the stops in contact.
 
     Attributes:
-        sliding: direction of each friction's rate, (frictions,) of -1, 0, 1.
+        sliding: direction of each friction's rate, (frictions,) of -1, 0, 1; 0 also at a rate that prescribed
+            motion keeps at zero, where the friction is taken as zero.
         stuck: indices of the sticking frictions.
         contacts: indices of the stops in contact.
         adhesion: tensile force of each contact that is rounding, in [N m] or [N] times the coordinate's unit.
         phases: phase of each nonlinear spring.
+        slowest: rate of a friction, against its direction or without one, that is no rounding.
     """
 
     sliding: Array
@@ -101,6 +109,7 @@ class ContactMode:
     contacts: list[int] = field(default_factory=list[int])
     adhesion: Array = field(default_factory=lambda: np.zeros(0))
     phases: Phases = ()
+    slowest: float = 0.0
 
     def locked(self, equations: EquationsOfMotion, contacts: Sequence[int]) -> list[int] | None:
         """Return the coordinates that stops, at indices `contacts`, and sticking frictions hold.
@@ -150,6 +159,9 @@ class Contacts:
                     self.equations.friction_rates(state)[moving] * mode.sliding[moving, None] - NO_RATE
                 )
             )
+        if len(mode.sliding) > len(mode.stuck):
+            # prescribed motion may take a friction at rest in either direction
+            functions.append(lambda state, _: self._as_chosen(state, mode))
         if mode.stuck:
             # positive for a balance to rounding
             functions.append(lambda state, times: 1.0 + BALANCED - self._friction_load(state, times, mode))
@@ -158,6 +170,12 @@ class Contacts:
         for k, phase in enumerate(mode.phases):
             functions.append(lambda state, _, k=k, phase=phase: self._phase_left(state, k, phase) + OPEN_GAP)
         return functions
+
+    def _as_chosen(self, state: Kinematics, mode: ContactMode) -> Array:
+        """Return by how much the rates of the frictions that do not stick agree with their directions."""
+        loose = np.setdiff1d(np.arange(len(mode.sliding)), mode.stuck)
+        rates, directions = self.equations.friction_rates(state)[loose], mode.sliding[loose, None]
+        return np.where(directions == 0.0, -np.abs(rates), rates * directions) + mode.slowest
 
     def _friction_load(self, state: Kinematics, times: Array, mode: ContactMode) -> Array:
         """Return the largest sticking friction relative to its limit at n states, (n,).
@@ -180,7 +198,7 @@ class Contacts:
             unloaded = null_space(dynamics.rows[k].T).T[last - len(limits) : last]
             combinations, sizes, _ = np.linalg.svd(unloaded, full_matrices=False)
             redundant = combinations[:, sizes > NO_FRICTION]
-            loads[k] = _least_largest(holding[:, k], redundant / limits[:, k, None])
+            loads[k] = _least_load(dynamics.holding[mode.stuck, k], redundant, limits[:, k])
         return loads
 
     def _impending_load(self, state: Kinematics, times: Array, mode: ContactMode) -> Array:
@@ -348,7 +366,9 @@ class Contacts:
         """Return the mode in which all frictions stick whose rates are at rest, without contacts."""
         rates = self.equations.friction_rates(state)[:, 0]
         at_rest = np.abs(rates) <= REST * max(fastest, 1e-9)
-        return ContactMode(np.where(at_rest, 0.0, np.sign(rates)), np.flatnonzero(at_rest).tolist())
+        slowest = DEPARTED * REST * max(fastest, 1e-9)
+        sliding, stuck = np.where(at_rest, 0.0, np.sign(rates)), np.flatnonzero(at_rest).tolist()
+        return ContactMode(sliding, stuck, slowest=slowest)
 
     def choose(self, state: Kinematics, time: float, fastest: float, before: Phases = ()) -> ContactMode:
         """Return the contact mode with admissible friction and contact forces, after phases of springs.
@@ -360,6 +380,7 @@ class Contacts:
         slow = np.abs(self.gap_rates(state.rates)) <= SOFT_IMPACT * fastest
         resting = [i for i in self._closed(state) if slow[i, 0]]
         mode = replace(self._by_rates(state, fastest), phases=self.phases(state, before))
+        mode = self._without_determined(state, time, mode, fastest)
         stuck = mode.stuck
         if not self.equations.frictions:
             return self._touching(state, time, mode, resting)
@@ -376,7 +397,14 @@ class Contacts:
         free = self.accelerate(state, np.array([time]), replace(mode, stuck=[])).acceleration
         least_slip = max(REVERSAL * fastest**2, STARTED * float(np.abs(free).max(initial=0.0)))
         for _ in range(MAX_CHANGES):
-            mode = self._touching(state, time, mode, resting)
+            try:
+                mode = self._touching(state, time, mode, resting)
+            except JammedError:
+                pushed = self._pushed(state, mode, resting)
+                if pushed is None:
+                    raise
+                mode = pushed
+                continue
             dynamics = self.accelerate(state, np.array([time]), mode)
             # at a dead centre the joint reverses whatever the friction
             reversing = max(mode.stuck, key=lambda i: abs(float(dynamics.slip[i, 0])), default=None)
@@ -392,6 +420,42 @@ class Contacts:
                 break
             mode = self._sliding(mode, slipping, -float(dynamics.holding[slipping, 0]))
         return mode
+
+    def _without_determined(
+        self, state: Kinematics, time: float, mode: ContactMode, fastest: float
+    ) -> ContactMode:
+        """Return a mode without those sticking frictions whose rates prescribed motion determines.
+
+        They slide as it accelerates them. Without acceleration they have no direction until they move.
+        """
+        if not (self.equations.prescribed and mode.stuck):
+            return mode
+        rows = self.equations.friction_directions(state)[mode.stuck, 0]
+        remaining = np.abs(rows @ null_space(state.jacobian[0]).T).max(1, initial=0.0)
+        determined = np.array(mode.stuck)[remaining <= DETERMINED * np.abs(rows).max(1, initial=0.0)]
+        if not len(determined):
+            return mode
+        loose = replace(mode, sliding=np.zeros_like(mode.sliding), stuck=[])
+        acceleration = self.accelerate(state, np.array([time]), loose).acceleration
+        changes = self.equations.friction_accelerations(state, acceleration)[determined, 0]
+        moving = np.abs(changes) > REVERSAL * fastest**2
+        sliding = mode.sliding.copy()
+        sliding[determined] = np.where(moving, np.sign(changes), 0.0)
+        return replace(mode, sliding=sliding, stuck=[i for i in mode.stuck if i not in determined])
+
+    def _pushed(self, state: Kinematics, mode: ContactMode, resting: Sequence[int]) -> ContactMode | None:
+        """Return a mode in which the sticking friction slides that stops with a closed gap push most.
+
+        None if they push no sticking friction.
+        """
+        if not mode.stuck:
+            return None
+        outwards = -self._sides(resting)[:, None] * self._rows(resting)
+        moved = responses(state.mass, outwards[:, None], state.jacobian)[0][:, 0]
+        rates = self.equations.friction_directions(state)[mode.stuck, 0] @ moved.T
+        most = np.unravel_index(np.abs(rates).argmax(), rates.shape)
+        least = IMMOBILE / float(np.trace(state.mass[0]))
+        return self._sliding(mode, mode.stuck[most[0]], rates[most]) if abs(rates[most]) > least else None
 
     def _touching(self, state: Kinematics, time: float, mode: ContactMode, resting: list[int]) -> ContactMode:
         """Return a mode with those stops in contact that must press, of those with a closed gap at rest."""
@@ -523,6 +587,20 @@ def closing_instant(
 
 def _root_of(function: Callable[[Array], Array], low: float, high: float) -> float:
     return root(lambda time: float(function(np.array([time]))[0]), float(low), float(high))
+
+
+def _least_load(holding: Array, redundant: Array, limits: Array) -> float:
+    """Return the least largest load of frictions (m,) plus a combination of the columns (m, k), by limits (m,).
+
+    A friction of negligible limit, in a joint without a load, holds as little as it can.
+    """
+    weak = limits <= NO_LOAD * limits.max()
+    if weak.any():
+        holding = holding - redundant @ pseudo_inverse(redundant[weak]) @ holding[weak]
+        redundant = redundant @ null_space(redundant[weak]).T
+        holding = np.where(weak & (np.abs(holding) <= NO_LOAD * np.abs(holding).max()), 0.0, holding)
+        redundant = np.where(weak[:, None], 0.0, redundant)
+    return _least_largest(holding / limits, redundant / limits[:, None])
 
 
 def _least_largest(values: Array, directions: Array) -> float:

@@ -407,7 +407,7 @@ class EquationsOfMotion:
         ]
         labels = [f"{unit.mechanism.name} at {value:.6g} s" for value in time]
         items, by_load = [item for _, item in loaded], np.zeros_like(limits)
-        frictions = friction_by_load(unit, needed, items, signs, ratios, labels).T
+        frictions = friction_by_load(unit, needed, wrenches, items, signs, ratios, labels).T
         for (f, _), magnitude in zip(loaded, frictions, strict=True):
             by_load[f] += magnitude
         return limits + by_load

@@ -30,6 +30,7 @@ NO_LOAD = 1e-9
 def friction_by_load(
     unit: UnitMotion,
     needed: Array,
+    acting: Array,
     coordinates: Sequence[LoadedCoordinate],
     directions: Sequence[Array],
     ratios: Sequence[Array],
@@ -44,6 +45,7 @@ def friction_by_load(
         unit: the motion.
         needed: wrenches that the joints exert on the links, in columns, (n, L, 6, 1 + k): without these
             frictions, and changes by a unit of each.
+        acting: wrenches that act on the links, (n, L, 6), by whose sizes the first of `needed` has rounding.
         coordinates: the k coordinates with friction.
         directions: sign of the rate of each, (n,).
         ratios: friction at this rate relative to that in fast motion, (n,).
@@ -52,12 +54,12 @@ def friction_by_load(
     Raises:
         FrictionError: at the first state without unique frictions.
     """
-    wrenches = linear_reactions(unit, needed, [item.friction.coupling or item.joint for item in coordinates])
+    reactions = linear_reactions(unit, needed, [item.friction.coupling or item.joint for item in coordinates])
     terms: list[Array] = []
     stresses: list[Array] = []
     # largest change of a load by a self-stress, if nothing cancelled
     scale = np.zeros(len(unit))
-    for k, (item, (wrench, alone, sound)) in enumerate(zip(coordinates, wrenches, strict=True)):
+    for k, (item, (wrench, alone, sound)) in enumerate(zip(coordinates, reactions, strict=True)):
         axis, kind = unit.axis(item.joint), KINDS[item.joint.kind]
         _, maps = item.friction.loads(item.joint, axis)[item.number]
         maps = maps * ratios[k][:, None, None, None]
@@ -77,7 +79,9 @@ def friction_by_load(
     magnitude, radius, solutions = balanced_friction(np.stack(constant, 1), base, response)
     final = base + np.einsum("nktcj,nj->nktc", response, magnitude)
     amount = np.sqrt((final**2).sum(-1))
-    pull, couple = (np.linalg.norm(block, axis=2).max(1) for block in np.split(needed[..., 0], 2, axis=2))
+    # in free fall only rounding is needed
+    wrenches = np.concatenate([needed[..., 0], acting], 1)
+    pull, couple = (np.linalg.norm(block, axis=2).max(1) for block in np.split(wrenches, 2, axis=2))
     largest = np.maximum(amount.max((1, 2)), pull + couple / unit.mechanism.characteristic_length)
     clear = amount > NO_LOAD * largest[:, None, None]
     along = final / np.where(clear, amount, np.inf)[..., None]
@@ -133,11 +137,15 @@ def with_load_friction(
         add_joint_force(unit, stack, item.joint, item.coordinate, -dry.direction)
         require_idle(unit, stack, "friction")
         stacks.append(stack)
-    columns = [needed - acting.total(speed), *(-sign[:, None, None] * stack for stack in stacks)]
+    applied_wrenches = acting.total(speed)
+    columns = [needed - applied_wrenches, *(-sign[:, None, None] * stack for stack in stacks)]
     directions = [sign * dry.direction for dry in frictions]
     ratios = [item.friction.ratio(dry.rate * speed) for item, dry in zip(coordinates, frictions, strict=True)]
     labels = [f"{unit.mechanism.name} at {value:.6g} rad" for value in unit.angle]
-    magnitudes = friction_by_load(unit, np.stack(columns, -1), coordinates, directions, ratios, labels).T
+    columns = np.stack(columns, -1)
+    magnitudes = friction_by_load(
+        unit, columns, applied_wrenches, coordinates, directions, ratios, labels
+    ).T
     coulomb = acting.coulomb + sum(
         (magnitude[:, None, None] * stack for magnitude, stack in zip(magnitudes, stacks, strict=True)), 0.0
     )

@@ -24,12 +24,17 @@ from mechsim.simulation.mjcf.force_elements import native
 from mechsim.simulation.mjcf.link_inertias import MASSLESS
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.settings import Settings
+from mechsim.simulation.state import has_dry_friction
 from mechsim.simulation.velocity_products import (
     CallbackData,
     compiled_rows,
     nonlinear_rows,
     velocity_products,
 )
+
+# largest number of solutions for the forces of drives under dry friction, relative difference of a force after
+# the first, and error of accelerations relative to the prescribed ones at which they are solved
+MAX_SOLUTIONS, SMALL_DIFFERENCE, SOLVED = 8, 1e-3, 1e-9
 
 
 def prepared(
@@ -260,7 +265,8 @@ class Drives:
     """Forces that move degrees of freedom along motion laws, from MuJoCo's own accelerations.
 
     Under equality constraints accelerations are linear in applied forces: one more evaluation for each
-    drive gives the forces of the prescribed accelerations.
+    drive gives the forces of the prescribed accelerations. Where dry friction starts to slide they are
+    piecewise linear, and Newton's method repeats this with smaller differences.
 
     Args:
         model: of the loops.
@@ -272,6 +278,7 @@ class Drives:
         self.names, self.laws, self.stepped = tuple(laws), tuple(laws.values()), stepped
         self.dofs = np.array(dofs_of(model, laws)[1], dtype=np.int64)
         self.scratch = mujoco.MjData(stepped)
+        self.rubbing = has_dry_friction(stepped)
         self.evaluating = False
         self.forces, self.others = np.zeros(len(laws)), np.zeros(stepped.nv)
 
@@ -284,11 +291,17 @@ class Drives:
         for name in ("qpos", "qvel", "ctrl", "qacc_warmstart"):
             getattr(self.scratch, name)[:] = getattr(data, name)
         self.scratch.time = data.time
-        base = self._accelerations(self.forces)
-        scale = 1.0 + np.abs(self.forces)
-        columns = [self._accelerations(self.forces + row) - base for row in np.diag(scale)]
-        missing = np.array([float(np.ravel(law(np.array([data.time]))[2])[0]) for law in self.laws]) - base
-        self.forces = self.forces + scale * np.linalg.solve(np.array(columns).T, missing)
+        target = np.array([float(np.ravel(law(np.array([data.time]))[2])[0]) for law in self.laws])
+        base, difference = self._accelerations(self.forces), 1.0
+        for _ in range(MAX_SOLUTIONS):
+            scale = difference * (1.0 + np.abs(self.forces))
+            columns = [self._accelerations(self.forces + row) - base for row in np.diag(scale)]
+            self.forces = self.forces + scale * np.linalg.solve(np.array(columns).T, target - base)
+            if not self.rubbing:
+                break
+            base, difference = self._accelerations(self.forces), SMALL_DIFFERENCE
+            if np.abs(target - base).max() <= SOLVED * (1.0 + np.abs(target).max()):
+                break
         data.qfrc_applied[self.dofs] += self.forces
         self.evaluating = False
 

@@ -8,7 +8,7 @@ from typing import Literal
 import mujoco
 import numpy as np
 
-from mechsim.errors import AssemblyError
+from mechsim.errors import AssemblyError, MobilityError
 from mechsim.mechanism.forces import Forces
 from mechsim.mechanism.joint_kinds import KINDS
 from mechsim.mechanism.limits import NO_RANGES, Ranges
@@ -241,7 +241,14 @@ def free_model(mechanism: Mechanism, forces: Forces, kept: set[str]) -> LoadedMo
     elif kept - {*mechanism.drivers}:
         cut = _cuts_elsewhere(mechanism, forces, kept)
     placed = with_placeholders(described, forces)
-    spec = assembled(described, Scene(level="dynamics", forces=placed, cut=cut))
+    scene = Scene(level="dynamics", forces=placed, cut=cut)
+    try:
+        spec = assembled(described, scene)
+    except MobilityError:
+        # a closed gap couples coordinates that are to be kept, such as those of a joint and of its motor
+        described, drivers = replace(described, driver=mechanism.driver), mechanism.drivers
+        cut = _cuts_elsewhere(mechanism, forces, kept)
+        spec = assembled(described, replace(scene, cut=cut))
     points = tuple(name for name, (link, _) in mechanism.points.items() if link != GROUND)
     track = add_sensors(spec, points)
     compiled_model = compiled(spec)
