@@ -198,7 +198,7 @@ class Contacts:
             unloaded = null_space(dynamics.rows[k].T).T[last - len(limits) : last]
             combinations, sizes, _ = np.linalg.svd(unloaded, full_matrices=False)
             redundant = combinations[:, sizes > NO_FRICTION]
-            loads[k] = _least_load(dynamics.holding[mode.stuck, k], redundant, limits[:, k])
+            loads[k] = least_load(dynamics.holding[mode.stuck, k], redundant, limits[:, k])
         return loads
 
     def _impending_load(self, state: Kinematics, times: Array, mode: ContactMode) -> Array:
@@ -589,8 +589,8 @@ def _root_of(function: Callable[[Array], Array], low: float, high: float) -> flo
     return root(lambda time: float(function(np.array([time]))[0]), float(low), float(high))
 
 
-def _least_load(holding: Array, redundant: Array, limits: Array) -> float:
-    """Return the least largest load of frictions (m,) plus a combination of the columns (m, k), by limits (m,).
+def least_load(holding: Array, redundant: Array, limits: Array) -> float:
+    """Return the least largest load of frictions (m,), by limits (m,), plus a combination of columns (m, k).
 
     A friction of negligible limit, in a joint without a load, holds as little as it can.
     """

@@ -142,10 +142,8 @@ def with_load_friction(
     directions = [sign * dry.direction for dry in frictions]
     ratios = [item.friction.ratio(dry.rate * speed) for item, dry in zip(coordinates, frictions, strict=True)]
     labels = [f"{unit.mechanism.name} at {value:.6g} rad" for value in unit.angle]
-    columns = np.stack(columns, -1)
-    magnitudes = friction_by_load(
-        unit, columns, applied_wrenches, coordinates, directions, ratios, labels
-    ).T
+    stacked = np.stack(columns, -1)
+    magnitudes = friction_by_load(unit, stacked, applied_wrenches, coordinates, directions, ratios, labels).T
     coulomb = acting.coulomb + sum(
         (magnitude[:, None, None] * stack for magnitude, stack in zip(magnitudes, stacks, strict=True)), 0.0
     )

@@ -10,7 +10,7 @@ from scipy.optimize import minimize
 
 import mechsim as ms
 from mechsim.kinetics.compiled_model import NotCompiledError
-from mechsim.kinetics.contacts import ContactMode, Contacts
+from mechsim.kinetics.contacts import ContactMode, Contacts, least_load
 from mechsim.kinetics.dynamic_run import initial_values
 from mechsim.kinetics.equations_of_motion import equations_of_motion
 from mechsim.mechanism.motors import ConstantTorque
@@ -174,3 +174,9 @@ def test_a_clamp_reverses_within_the_narrow_curve_of_stribeck(compiled, file, mo
 
 def not_compiled(equations):
     raise NotCompiledError("this model")
+
+
+def test_a_friction_without_a_load_holds_nothing():
+    # two frictions share a force of 35; the first one's limit is zero but for rounding
+    shared = np.array([[1.0], [-1.0]]) / np.sqrt(2.0)
+    assert least_load(np.array([10.0, 25.0]), shared, np.array([1e-33, 50.0])) == pytest.approx(0.7)

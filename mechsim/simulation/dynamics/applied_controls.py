@@ -32,8 +32,8 @@ from mechsim.simulation.velocity_products import (
     velocity_products,
 )
 
-# largest number of solutions for the forces of drives under dry friction, relative difference of a force after
-# the first, and error of accelerations relative to the prescribed ones at which they are solved
+# largest number of solutions for the forces of drives under dry friction, relative difference of a force
+# after the first, and error of accelerations relative to the prescribed ones at which they are solved
 MAX_SOLUTIONS, SMALL_DIFFERENCE, SOLVED = 8, 1e-3, 1e-9
 
 
