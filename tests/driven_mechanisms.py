@@ -4,13 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 from model_files import model_mechanism, stated_mechanism
-from wheel_linkages import about_z
 
 from mechsim import catalog
 from mechsim.mechanism.joints import Coupling, End, Joint
-from mechsim.mechanism.links import GROUND, Link, Pose
+from mechsim.mechanism.links import GROUND, Link
 from mechsim.mechanism.mechanism import Mechanism
-from mechsim.mechanism.motion_laws import make_motion_laws, tabled
 
 ALONG_X, ALONG_Y = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
 
@@ -96,55 +94,3 @@ def table(*, backwards: bool) -> Mechanism:
     whole = stated_mechanism("driven_mechanisms_table.toml")
     plane, tool = whole.joints
     return replace(whole, joints=(replace(plane, a=plane.b, b=plane.a), tool)) if backwards else whole
-
-
-def platform():
-    """Return a platform on six driven legs, its motion laws and its exact position as a function of time."""
-    rng = np.random.default_rng(3)
-    feet = [(0.5 * np.cos(a), 0.5 * np.sin(a), 0.0) for a in np.deg2rad([-8, 8, 112, 128, 232, 248])]
-    heads = [(0.3 * np.cos(a), 0.3 * np.sin(a), 0.0) for a in np.deg2rad([-52, 52, 68, 172, 188, 292])]
-    feet = [tuple(np.array(foot) + 0.01 * rng.normal(size=3)) for foot in feet]
-
-    def stood(time):
-        position = np.array([0.05 * np.sin(time), 0.04 * np.cos(2 * time), 0.5 + 0.06 * np.sin(1.5 * time)])
-        return position, about_z(0.2 * np.sin(time))
-
-    time = np.linspace(0.0, 3.0, 121)
-    lengths = np.array(
-        [
-            [
-                np.linalg.norm(position + rotation @ head - foot)
-                for head, foot in zip(heads, feet, strict=True)
-            ]
-            for position, rotation in map(stood, time)
-        ]
-    )
-    links, joints, guess = [Link("platform")], [], {}
-    position, rotation = stood(0.0)
-    for i, (foot, head) in enumerate(zip(feet, heads, strict=True)):
-        axis = position + rotation @ head - foot
-        along = axis / np.linalg.norm(axis)
-        across = np.cross(along, [0.0, 0.3, 1.0])
-        across /= np.linalg.norm(across)
-        frame = np.column_stack([across, np.cross(along, across), along])
-        links += [Link(f"barrel{i}"), Link(f"rod{i}")]
-        guess[f"barrel{i}"] = Pose(np.array(foot), frame)
-        guess[f"rod{i}"] = Pose(np.array(foot) + axis, frame)
-        joints += [
-            Joint(f"foot{i}", "universal", End(GROUND, foot, ALONG_X), End(f"barrel{i}", axis=ALONG_Y)),
-            Joint(f"leg{i}", "prismatic", End(f"barrel{i}"), End(f"rod{i}")),
-            Joint(f"head{i}", "spherical", End(f"rod{i}"), End("platform", head)),
-        ]
-    drivers = tuple(f"leg{i}" for i in range(6))
-    mechanism = Mechanism(
-        "platform",
-        tuple(links),
-        tuple(joints),
-        drivers,
-        {"P": ("platform", (0.0, 0.0, 0.0)), "Q": ("platform", (0.1, 0.0, 0.1))},
-        guess={**guess, "platform": Pose(position, rotation)},
-        guess_coordinates=dict(zip(drivers, lengths[0].tolist(), strict=True)),
-    )
-    states = {name: tabled(name, time, lengths[:, i]) for i, name in enumerate(drivers)}
-    moves = make_motion_laws(mechanism, states, 3.0)
-    return mechanism, moves, lambda time: np.array([stood(t)[0] for t in time])

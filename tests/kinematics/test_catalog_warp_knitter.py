@@ -5,7 +5,6 @@ from hypothesis import strategies as st
 from strategies import random_knitter
 
 import mechsim as ms
-from mechsim.kinematics.solvers import KinematicSolver
 
 REVOLUTION = 2 * np.pi
 # a longer crank 1 cannot turn fully
@@ -13,11 +12,6 @@ SWINGING = ms.catalog.make("warp_knitter", crank1=0.022)
 # seed of a triad that reaches another assembly mode before a dead centre
 LONG_PATH_SEED = 10
 seeds = st.integers(0, 10**6)
-
-
-def angles_of(linkage: KinematicSolver, count: int = 12) -> np.ndarray:
-    low, high = linkage.crank_range().arcs[0]
-    return low + (high - low) * (np.arange(count) + 0.37) / count
 
 
 def test_the_default_assembly_mode_matches_the_paper():

@@ -7,7 +7,6 @@ from motions import largest_difference
 
 import mechsim as ms
 
-REVOLUTION = 2.0 * np.pi
 PARALLELOGRAM = {"ground": 0.1, "crank": 0.04, "coupler": 0.1, "rocker": 0.04}
 
 

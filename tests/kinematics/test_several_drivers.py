@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from driven_mechanisms import five_bar, platform
+from driven_mechanisms import five_bar
 from scipy.optimize import brentq
 
 from mechsim.errors import AssemblyError
@@ -28,11 +28,3 @@ def test_a_table_is_a_motion_law():
     time = np.linspace(0.0, 1.0, 41)
     value, rate, _ = tabled("left", time, 2.0 + 0.1 * time**3)(np.array([0.5]))
     assert (value[0], rate[0]) == pytest.approx((2.0 + 0.1 / 8, 0.3 / 4))
-
-
-def test_a_hexapod_reproduces_the_motion_of_its_leg_lengths():
-    """Leg lengths of a prescribed motion of the platform reproduce that motion."""
-    mechanism, moves, stood = platform()
-    time = np.linspace(0.0, 3.0, 121)
-    motion = KinematicSolver(mechanism, motion_laws=moves).solve(t=time)
-    assert motion.points["P"].position == pytest.approx(stood(time), abs=1e-13)

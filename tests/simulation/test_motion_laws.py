@@ -7,7 +7,6 @@ from driven_mechanisms import (
     circle_intersection,
     five_bar,
     five_bar_with_cam,
-    platform,
     press,
     rack_and_cam,
     sinusoidal,
@@ -21,6 +20,9 @@ from mechsim.mechanism.motion_laws import make_motion_laws
 ARMS = {"left": sinusoidal(2.0, 0.3, 6.0, 0.2), "right": sinusoidal(1.0, 0.4, 9.0, 1.0)}
 
 
+PLATFORM = ms.load("stewart_gough")
+
+
 def moved(mechanism, states, duration):
     return mechanism, make_motion_laws(mechanism, states, duration)
 
@@ -32,7 +34,7 @@ CASES = {
     "table": lambda: moved(table(backwards=False), {"tool": sinusoidal(0.0, 1.0, 3.0)}, 2.0),
     "table, backwards": lambda: moved(table(backwards=True), {"tool": sinusoidal(0.0, 1.0, 3.0)}, 2.0),
     "rack and cam": lambda: moved(rack_and_cam(), {"crank": sinusoidal(0.3, 1.0, 3.0)}, 2.0),
-    "platform": lambda: platform()[:2],
+    "platform": lambda: (PLATFORM.mechanism, PLATFORM.motion_laws),
 }
 
 

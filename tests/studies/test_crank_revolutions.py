@@ -63,33 +63,6 @@ def test_every_method_accepts_a_swing_on_any_revolution(name, data):
     assert ms.crosscheck(from_text.motion, linkage, tolerance=same).passed
 
 
-LOOPER = ms.catalog.make(
-    "looper",
-    crank=0.0079922,
-    coupler=0.0333929,
-    arm=0.0334788,
-    arm_angle=5.380375,
-    rocker=0.02104,
-    frame=0.0317241,
-    frame_angle=0.675566,
-    follower=0.0086739,
-    axis_y=0.01995,
-    axis_z=0.0191851,
-    side=-1,
-)
-
-
-@pytest.mark.long
-def test_poses_beyond_a_dead_centre_are_rejected_on_every_revolution():
-    high = LOOPER.crank_range().arcs[0][1]
-    angles = np.linspace(high - 0.4, high + 0.1, 9)
-    for revolution in (-2, 0, 1):
-        with pytest.raises(ms.AssemblyError, match="does not close"):
-            LOOPER.positions(angles + REVOLUTION * revolution)
-    with pytest.raises(ms.AssemblyError, match="cannot pass"):
-        ms.loops.solve(LOOPER.mechanism, angles)
-
-
 def test_a_crank_range_beyond_half_a_turn_sets_the_start():
     linkage = ms.catalog.make(
         "rssr",

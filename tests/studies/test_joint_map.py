@@ -55,18 +55,12 @@ def test_reported_polynomial_errors_hold_between_grid_points(four_bar):
 @pytest.mark.long
 def test_loop_equations_accept_a_map_and_reject_a_wrong_one(four_bar):
     assert compare_with_loop_equations(four_bar, "four_bar").passed
-    for name in ("output", "jacobian", "jacobian_derivative"):
-        wrong = replace(four_bar, **{name: getattr(four_bar, name) + 1e-8})
-        assert not compare_with_loop_equations(wrong, "four_bar").passed
-    longer = compare_with_loop_equations(four_bar, "four_bar", {"crank": "31mm"})
-    assert not longer.passed
-
-
-@pytest.mark.parametrize("column", [1, 2], ids=["position", "rotation"])
-def test_loop_equations_reject_a_wrong_point_or_rotation(four_bar, column):
-    wrong = four_bar.output.copy()
-    wrong[:, column] += 1e-8
-    assert not compare_with_loop_equations(replace(four_bar, output=wrong), "four_bar").passed
+    wrong = [replace(four_bar, jacobian=four_bar.jacobian + 1e-8)]
+    wrong += [replace(four_bar, jacobian_derivative=four_bar.jacobian_derivative + 1e-8)]
+    # an angle, a position and a rotation
+    wrong += [replace(four_bar, output=four_bar.output + 1e-8 * np.eye(3)[i]) for i in range(3)]
+    assert not any(compare_with_loop_equations(each, "four_bar").passed for each in wrong)
+    assert not compare_with_loop_equations(four_bar, "four_bar", {"crank": "31mm"}).passed
 
 
 def test_a_hinge_may_be_called_as_a_coordinate_is(tmp_path):
@@ -161,14 +155,6 @@ def test_holding_torques_equal_energy_derivatives():
     np.testing.assert_allclose(table.holding_torque[inner], by_energy, atol=1e-6)
     product = np.swapaxes(table.jacobian, 1, 2) @ table.torque_map
     np.testing.assert_allclose(product, np.broadcast_to(np.eye(2), product.shape), atol=1e-9)
-
-
-def test_jacobian_derivatives_near_a_limit_equal_the_closed_form():
-    # the crank starts 3 mrad from its limit of -2.10243 rad; measured 5e-13
-    solver = ms.catalog.make("four_bar", crank=0.09)
-    table = ms.joint_map(solver, {"crank": (-2.0994, -1.6)}, ["rocker"], points=5)
-    rocker = solver.solve(table.input[:, 0], 1.0).joints["rocker"]
-    np.testing.assert_allclose(table.jacobian_derivative[:, 0, 0, 0], rocker.acceleration, rtol=1e-11)
 
 
 def test_the_command_writes_arrays_and_reports_their_errors(tmp_path, mechsim):

@@ -12,10 +12,6 @@ def slider(angle):
     return {"A": np.column_stack([x, y, 0 * x]), "B": np.column_stack([b, 0.01 + 0 * b]), "slide": b}
 
 
-def changed(**changes):
-    return lambda angle: slider(angle) | {name: item(slider(angle)) for name, item in changes.items()}
-
-
 def test_a_correct_formula_of_points_and_a_joint_agrees():
     result = ms.validate("slider_crank", against=slider)
     assert result.passed, result.why
