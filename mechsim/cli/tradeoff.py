@@ -11,6 +11,7 @@ from mechsim.cli.options import Model, ModelOptions, Sets, Speed
 from mechsim.cli.output import Value, number, print_table, print_text
 from mechsim.cli.progress import progress
 from mechsim.errors import InputError
+from mechsim.numerics.arrays import REVOLUTION
 from mechsim.numerics.resources import Budget
 from mechsim.pictures import plots
 from mechsim.report.study_plots import work_precision
@@ -61,7 +62,7 @@ def tradeoff(
     data: dict[str, Any] = result.as_dict(by)
     for row in data["recommended"]:
         point = result.choice(row["limit"], by)
-        row["command"] = None if point is None else command_of(point, model, subject.speed)
+        row["command"] = None if point is None else command_of(point, model, subject)
     data |= {"budget": timer.seconds, "output": output, "plot": plot}
 
     def text() -> None:
@@ -88,16 +89,23 @@ def _print(result: Tradeoff, by: str) -> None:
         rows.append((name, point.method.name, steps, number(1e3 * point.cost, 3)))
         errors.append((name, *(f"{error:.1e}" for error in point.errors.values())))
     title = f"{subject.name} against {subject.solver.method}: cheapest settings by {by} error"
-    print_table(title, ("error within", "use", "steps/turn", "ms/turn"), rows)
+    turn = "turn" if subject.solver.motion_laws.crank else "cycle"
+    print_table(title, ("error within", "use", f"steps/{turn}", f"ms/{turn}"), rows)
     print_table("Errors of these settings", ("error within", *result.points[0].errors), errors)
+    speed, cycle = "crank speed", ""
+    if turn == "cycle":
+        speed, seconds = "cycles", number(REVOLUTION / subject.speed)
+        cycle = f"; a cycle of the fastest driver, or the whole motion, takes {seconds} s"
     print_text(
-        "position and loop in strokes, velocity and acceleration in strokes and crank speed, "
-        f"angle and drive in rad; stroke {number(subject.stroke)} m"
+        f"position and loop in strokes, velocity and acceleration in strokes and {speed}, "
+        f"angle and drive in rad; stroke {number(subject.stroke)} m{cycle}"
     )
     for name, curve in result.best_curves(by).items():
         if order := result.order(curve, by):
             print_text(f"{name}: order {order.order:.2f} ({order.low:.2f} to {order.high:.2f})")
-    print_text("use: integrator, time constant of the loops (turn/10: a tenth of a turn), compliance scale")
+    print_text(
+        f"use: integrator, time constant of the loops (turn/10: a tenth of a {turn}), compliance scale"
+    )
     print_text(_count(result))
 
 
@@ -106,7 +114,7 @@ def _print_advice(result: Tradeoff, by: str, model: str) -> None:
     bounds_of: dict[str, list[str]] = {}
     for limit in BOUNDS:
         if point := result.choice(limit, by):
-            bounds_of.setdefault(command_of(point, model, result.subject.speed), []).append(f"{limit:.0e}")
+            bounds_of.setdefault(command_of(point, model, result.subject), []).append(f"{limit:.0e}")
     for text, bounds in bounds_of.items():
         typer.echo(f"{', '.join(bounds)}:")
         typer.echo(f"  {text}")

@@ -43,7 +43,9 @@ def work_precision(result: Tradeoff, quantity: str = "position") -> "Figure":
     round_numbers(ax.xaxis)
     low, high = ax.get_ylim()
     ax.set_yticks([error for error in (1.0, *BOUNDS, 1e-11, 1e-13) if low <= error <= high])
-    ax.set_xlabel("processor time of one turn [ms]")
+    ax.set_xlabel(
+        f"processor time of one {'turn' if result.subject.solver.motion_laws.crank else 'cycle'} [ms]"
+    )
     row = QUANTITIES[quantity]
     ax.set_ylabel(f"worst {row.title} [{row.scale}]")
     ax.set_title(f"{result.subject.name} against {result.subject.solver.method}")

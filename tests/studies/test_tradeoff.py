@@ -2,12 +2,14 @@
 
 import csv
 import json
+import shlex
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 import pytest
 
+import mechsim as ms
 from mechsim import catalog
 from mechsim.numerics.resources import Budget
 from mechsim.studies.tradeoff.methods import (
@@ -20,7 +22,7 @@ from mechsim.studies.tradeoff.methods import (
     stepping_methods,
     subject_of,
 )
-from mechsim.studies.tradeoff.work_precision import BOUNDS, Tradeoff, measure_tradeoff
+from mechsim.studies.tradeoff.work_precision import BOUNDS, Tradeoff, command_of, measure_tradeoff
 
 SPEED = 20.0 * np.pi
 SHORT = (72, 288)
@@ -76,6 +78,24 @@ def test_the_seed_determines_the_trials_of_a_short_budget():
     assert {point.method.name for point in stiff.points} == {LOW_COMPLIANCE}
     repeated = measure_tradeoff(subject, budget=1e-6, steps=SHORT, seed=1)
     assert [p.as_dict()["method"] for p in repeated.points] == [p.as_dict()["method"] for p in stiff.points]
+
+
+def test_motion_laws_are_stepped_and_the_recommended_command_repeats_them(mechsim):
+    subject = subject_of(ms.load("five_bar"), SPEED)
+    (point,) = measure_tradeoff(subject, budget=1e-6, steps=(720,)).points
+    # of the fourth order: 4e-7 at 72 steps; the drive follows its law with the second, 2e-4 at 72
+    assert all(point.errors[name] < (1e-5 if name == "drive" else 1e-8) for name in COMPARED)
+    motion, _ = subject.built.motion(point.settings)
+    assert motion is not None
+    left = motion.joints["left"]
+    late = replace(motion, joints=motion.joints | {"left": replace(left, value=left.value + 1e-3)})
+    # only the driver is displaced, from its law and from the loops
+    assert subject.errors(late)["drive"] == pytest.approx(1e-3, rel=1e-3)
+    assert subject.errors(late)["position"] > 1e-4
+    answer = mechsim(*shlex.split(command_of(point, "five_bar", subject))[1:], "--json")
+    run = json.loads(answer.out)
+    assert run["steps"] == pytest.approx(720 * subject.built.profile.turns, abs=1.0)
+    assert run["estimate"] == pytest.approx(point.errors["position"] * subject.stroke, rel=0.5)
 
 
 @pytest.mark.long

@@ -95,7 +95,7 @@ def measured(linkage: KinematicSolver, speed: float, fraction: float) -> dict[st
     tolerance = fraction * crank_length(linkage)
     run = simulation.simulate(linkage.mechanism, speed=speed, turns=TURNS, tolerance=tolerance)
     true = subject.errors(run.motion)["position"] * subject.stroke
-    built = build_model(linkage.mechanism, constant(speed, TURNS, float(run.motion.angle[0])))
+    built = build_model(linkage, constant(speed, TURNS, float(run.motion.angle[0])))
     ladder_times: dict[Settings, list[float]] = {
         settings: [] for settings in keeping(subject, built, tolerance / subject.stroke)
     }

@@ -12,14 +12,13 @@ import numpy as np
 
 from mechsim.compare.quantities import QUANTITIES, motion_scales
 from mechsim.kinematics.solvers import KinematicSolver
-from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.motion import Motion
-from mechsim.mechanism.motion_laws import CrankProfile, within_range
+from mechsim.mechanism.motion_laws import CrankProfile
 from mechsim.mechanism.scene import Scene
 from mechsim.numerics.arrays import Array, worst
 from mechsim.numerics.convergence import half_extent
 from mechsim.simulation.closed_model import ClosedModel
-from mechsim.simulation.custom_model import from_spec
+from mechsim.simulation.custom_model import at_initial_state, from_spec, parameter_profile
 from mechsim.simulation.driven_run import first_state
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.plain_settings import INTEGRATORS
@@ -27,6 +26,7 @@ from mechsim.simulation.recording import evaluate
 from mechsim.simulation.settings import LEAST_CONSTANT, Settings
 from mechsim.simulation.source import CRANK, assembled
 from mechsim.simulation.stepping import Steps, step
+from mechsim.studies.motions import profile_of
 
 # numbers of steps per revolution; each divides 72 instants per revolution, or is a multiple of 72
 STEPS = (24, 36, 72, 144, 288, 720, 1440, 2880, 7200)
@@ -139,14 +139,18 @@ class BuiltModel:
         return motion, steps.processor
 
 
-def build_model(mechanism: Mechanism, profile: CrankProfile) -> BuiltModel:
-    """Generate the model of a mechanism and close its loops at the start of a crank motion.
+def build_model(solver: KinematicSolver, profile: CrankProfile) -> BuiltModel:
+    """Generate the model of a mechanism and close its loops at the start of its motion.
 
     Raises:
-        AssemblyError: if the crank cannot make its whole motion.
+        AssemblyError: if the drivers cannot make their whole motion.
     """
-    spec = assembled(mechanism, Scene(level="motion"))
-    closed = from_spec(spec, tuple(mechanism.points), CRANK)
+    spec, laws = assembled(solver.mechanism, Scene(level="motion")), solver.motion_laws
+    points = tuple(solver.mechanism.points)
+    if laws.crank:
+        closed = from_spec(spec, points, CRANK)
+    else:
+        closed = at_initial_state(from_spec(spec, points, laws.drivers), laws)
     return BuiltModel(closed, profile, first_state(closed, profile))
 
 
@@ -165,7 +169,7 @@ class Subject:
         built: its model.
         solver: its exact motion, with which trials are compared.
         stroke: half the largest extent of a point's path, in [m].
-        speed: largest crank speed, in [rad/s].
+        speed: largest crank speed, or angular frequency of the fastest driver, in [rad/s].
     """
 
     name: str
@@ -178,26 +182,40 @@ class Subject:
         """Return the largest errors by quantity.
 
         Position and loop residual are in strokes, velocity and acceleration in strokes and crank speeds,
-        angle and drive in [rad]; all are infinite for a diverged motion. The drive error is the distance of
-        the crank from its profile. The other errors are measured at the actual crank angle.
+        angle and drive in [rad], of a sliding driver in strokes; all are infinite for a diverged motion. The
+        drive error is the distance of the drivers from their motion. The other errors are measured at the
+        actual driver positions.
         """
         if motion is None or not worst(motion.speed) <= MAX_SPEED_RATIO * self.speed:
             return dict.fromkeys(COMPARED, np.inf)
-        exact = self.solver.solve(motion.angle, motion.speed, motion.acceleration)
+        exact = self.solver.whole_motion_as(motion)
         scales = motion_scales(self.stroke, self.speed)
         errors = {name: QUANTITIES[name].largest(motion, exact, scales) for name in COMPARED[:-1]}
         assert motion.time is not None
-        return errors | {"drive": worst(motion.angle - self.built.profile.state(motion.time)[0])}
+        laws = self.solver.motion_laws
+        if laws.crank:
+            return errors | {"drive": worst(motion.angle - self.built.profile.state(motion.time)[0])}
+        straight = [self.solver.mechanism.unit(name) == "m" for name in laws.drivers]
+        driven = np.array([motion.joints[name].value for name in laws.drivers])
+        away = (driven - laws.state(motion.time)[0]) / np.where(straight, self.stroke, 1.0)[:, None]
+        return errors | {"drive": worst(away)}
 
 
 def subject_of(solver: KinematicSolver, speed: float) -> Subject:
     """Return a mechanism as a subject, with its formulas or the loop equations as the reference.
 
+    Under motion laws a turn is a cycle of the fastest driver, or the whole motion if that is shorter.
+
+    Args:
+        solver: of the mechanism.
+        speed: of the crank in [rad/s].
+
     Raises:
-        AssemblyError: if the crank cannot make its whole motion.
+        AssemblyError: if the drivers cannot make their whole motion.
     """
-    profile = within_range(solver.mechanism, solver.crank_range(), speed)
+    laws = solver.motion_laws
+    profile = profile_of(solver, speed, 1.0) if laws.crank else parameter_profile(laws)
     angles = profile.state(np.linspace(0.0, profile.duration, 361))[0]
     solver = solver.starting_at(angles)
-    stroke = half_extent(solver.positions(angles).values())
-    return Subject(solver.name, build_model(solver.mechanism, profile), solver, stroke, abs(speed))
+    stroke = half_extent(path.position for path in solver.whole_motion(angles).points.values())
+    return Subject(solver.name, build_model(solver, profile), solver, stroke, profile.max_speed)

@@ -236,18 +236,20 @@ def write_csv(path: str | Path, result: Tradeoff, quantity: str = "position") ->
         writer.writerows(rows)
 
 
-def command_of(point: Point, model: str, speed: float) -> str:
+def command_of(point: Point, model: str, subject: Subject) -> str:
     """Return the call of `mechsim simulate` for a point, at a crank speed in rpm if that number is short."""
+    speed, crank = subject.speed, subject.solver.motion_laws.crank
     short = f"{speed * 60.0 / REVOLUTION:g}"
     is_exact = np.isclose(float(short) * REVOLUTION / 60.0, speed, rtol=1e-12)
+    speed_text = f"{short}rpm" if is_exact else f"{speed!r}rad/s"
+    motion = ("--speed", speed_text) if crank else ("--timestep", repr(point.settings.timestep(speed)))
     defaults = {field.name: field.default for field in fields(Settings)}
     options = [
         _option(name, value)
         for name, value in point.settings.as_dict().items()
-        if name == "steps_per_turn" or value != defaults[name]
+        if (crank if name == "steps_per_turn" else value != defaults[name])
     ]
-    speed_text = f"{short}rpm" if is_exact else f"{speed!r}rad/s"
-    return " ".join(["mechsim", "simulate", model, "--speed", speed_text, *options])
+    return " ".join(["mechsim", "simulate", model, *motion, *options])
 
 
 def _option(name: str, value: Any) -> str:
