@@ -89,11 +89,11 @@ def _print(result: Tradeoff, by: str) -> None:
         rows.append((name, point.method.name, steps, number(1e3 * point.cost, 3)))
         errors.append((name, *(f"{error:.1e}" for error in point.errors.values())))
     title = f"{subject.name} against {subject.solver.method}: cheapest settings by {by} error"
-    turn = "turn" if subject.solver.motion_laws.crank else "cycle"
-    print_table(title, ("error within", "use", f"steps/{turn}", f"ms/{turn}"), rows)
+    period = "turn" if subject.solver.motion_laws.crank else "cycle"
+    print_table(title, ("error within", "use", f"steps/{period}", f"ms/{period}"), rows)
     print_table("Errors of these settings", ("error within", *result.points[0].errors), errors)
     speed, cycle = "crank speed", ""
-    if turn == "cycle":
+    if period == "cycle":
         speed, seconds = "cycles", number(REVOLUTION / subject.speed)
         cycle = f"; a cycle of the fastest driver, or the whole motion, takes {seconds} s"
     print_text(
@@ -104,7 +104,7 @@ def _print(result: Tradeoff, by: str) -> None:
         if order := result.order(curve, by):
             print_text(f"{name}: order {order.order:.2f} ({order.low:.2f} to {order.high:.2f})")
     print_text(
-        f"use: integrator, time constant of the loops (turn/10: a tenth of a {turn}), compliance scale"
+        f"use: integrator, time constant of the loops (turn/10: a tenth of a {period}), compliance scale"
     )
     print_text(_count(result))
 

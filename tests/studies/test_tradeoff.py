@@ -87,8 +87,8 @@ def test_motion_laws_are_stepped_and_the_recommended_command_repeats_them(mechsi
     assert all(point.errors[name] < (1e-5 if name == "drive" else 1e-8) for name in COMPARED)
     motion, _ = subject.built.motion(point.settings)
     assert motion is not None
-    left = motion.joints["left"]
-    late = replace(motion, joints=motion.joints | {"left": replace(left, value=left.value + 1e-3)})
+    driven = motion.joints["left"]
+    late = replace(motion, joints=motion.joints | {"left": replace(driven, value=driven.value + 1e-3)})
     # only the driver is displaced, from its law and from the loops
     assert subject.errors(late)["drive"] == pytest.approx(1e-3, rel=1e-3)
     assert subject.errors(late)["position"] > 1e-4
