@@ -1,7 +1,7 @@
 """Assur groups: decomposition of a planar chain into the smallest groups of zero mobility."""
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar, NamedTuple
 
 from mechsim.errors import InputError
@@ -124,10 +124,12 @@ class Decomposition:
     Attributes:
         drivers: driving links.
         groups: groups in the order of assembly.
+        inner: driven joints between moving links, which count as one in the groups.
     """
 
     drivers: tuple[str, ...]
     groups: tuple[AssurGroup, ...]
+    inner: tuple[str, ...] = ()
 
     @property
     def class_(self) -> int:
@@ -136,7 +138,7 @@ class Decomposition:
 
     def lines(self) -> list[str]:
         """Return the drivers and each group in words."""
-        return [f"driven by {', '.join(self.drivers)}", *(str(group) for group in self.groups)]
+        return [f"driven by {', '.join((*self.drivers, *self.inner))}", *map(str, self.groups)]
 
     def __str__(self) -> str:
         return "; ".join(self.lines())
@@ -147,6 +149,7 @@ def assur_groups(mechanism: Mechanism) -> Decomposition:
 
     Driving links are those of the driven joints, and the links geared to them. Links of locked joints count
     as one: with one crank locked and a joint of it driven instead, its rod drives, as in Koshel and Koshel.
+    Both links of a driven joint between moving links, such as a cylinder, count as one, too.
 
     Args:
         mechanism: a planar mechanism.
@@ -155,8 +158,8 @@ def assur_groups(mechanism: Mechanism) -> Decomposition:
         Drivers and groups in the order of assembly.
 
     Raises:
-        InputError: for a spatial mechanism, a driven joint that is not on the frame, or a chain that its
-            drivers leave underdetermined or overdetermined; names the links.
+        InputError: for a spatial mechanism, or a chain that its drivers leave underdetermined or
+            overdetermined; names the links.
 
     Source: Assur 1914; classes after Artobolevskii, Theory of Mechanisms; the exchange of drivers in
     Koshel and Koshel.
@@ -166,7 +169,9 @@ def assur_groups(mechanism: Mechanism) -> Decomposition:
             f"{mechanism.name} is not planar, and Assur groups are those of planar chains; "
             "look at its mobility instead"
         )
-    pairs, drivers = planar_pairs(mechanism), driven_links(mechanism)
+    _, inner = driven_links(mechanism)
+    mechanism = inner_drivers_locked(mechanism)
+    pairs, (drivers, _) = planar_pairs(mechanism), driven_links(mechanism)
     order = [name for name, first in rigid(mechanism).items() if name == first != GROUND]
     unknown = [link for link in order if link not in drivers]
     groups: list[AssurGroup] = []
@@ -176,7 +181,7 @@ def assur_groups(mechanism: Mechanism) -> Decomposition:
         links = tuple(unknown[i] for i in own)
         if links:  # otherwise only the position of a pin on a placed link
             groups.append(_group(links, equations, units))
-    return Decomposition(drivers, tuple(groups))
+    return Decomposition(drivers, tuple(groups), inner)
 
 
 def _group(links: tuple[str, ...], equations: set[Equation], units: set[Unit]) -> AssurGroup:
@@ -205,11 +210,25 @@ def _group(links: tuple[str, ...], equations: set[Equation], units: set[Unit]) -
     return AssurGroup(widest, outer, links, outer + len(contours) - len(pairs))
 
 
-def driven_links(mechanism: Mechanism) -> tuple[str, ...]:
-    """Return the links whose pose the drivers determine alone: the crank, then links geared to it.
+def inner_drivers_locked(mechanism: Mechanism) -> Mechanism:
+    """Return a mechanism in which driven joints between moving links are locked, as those of a cylinder.
 
-    Raises:
-        InputError: if a driven joint is on links that are not placed by the drive.
+    At a position of the driver both links are one.
+    """
+    inner = driven_links(mechanism)[1]
+    if not inner:
+        return mechanism
+    coordinates = {name for joint in inner for name in mechanism.joint(joint).coordinates}
+    driver = tuple(name for name in mechanism.drivers if name not in coordinates)
+    # no pose is computed from these values
+    locked = {**mechanism.locked, **dict.fromkeys(coordinates, 0.0)}
+    return replace(mechanism, driver=driver, locked=locked)
+
+
+def driven_links(mechanism: Mechanism) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return the links whose pose the drivers determine alone, and the driven joints that place none.
+
+    The former are the crank, then links geared to it; the latter connect moving links.
     """
     names, body = [joint.name for joint in mechanism.driven_joints], rigid(mechanism)
     while more := [
@@ -221,14 +240,9 @@ def driven_links(mechanism: Mechanism) -> tuple[str, ...]:
         names.append(more[0])
     waiting = [mechanism.joint(name) for name in names]
     placed = [GROUND]
-    while waiting:
-        joint = next((j for j in waiting if not {body[link] for link in j.links}.isdisjoint(placed)), None)
-        if joint is None:
-            lost = ", ".join(j.name for j in waiting)
-            raise InputError(
-                f"{mechanism.name}: driven joint {lost} is not on the frame, so its links do not drive; "
-                "drive a joint on the frame, or lock the links between"
-            )
+    while joint := next(
+        (j for j in waiting if not {body[link] for link in j.links}.isdisjoint(placed)), None
+    ):
         waiting.remove(joint)
         placed += [body[link] for link in joint.links if body[link] not in placed]
-    return tuple(placed[1:])
+    return tuple(placed[1:]), tuple(joint.name for joint in waiting)

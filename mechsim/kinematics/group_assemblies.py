@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.kinematics.assur import AssurGroup, assur_groups
+from mechsim.kinematics.assur import AssurGroup, assur_groups, inner_drivers_locked
 from mechsim.kinematics.mobility_count import planar_pairs, plane_normal, rigid
 from mechsim.kinematics.vector_method.triad import triad_modes
 from mechsim.mechanism.links import GROUND, Pose
@@ -110,7 +110,7 @@ def group_assemblies(mechanism: Mechanism, poses: Mapping[str, Pose]) -> GroupAs
 
     Source: Artobolevskii, Theory of Mechanisms and Machines, classes II and III; `triad_modes`.
     """
-    normal = plane_normal(mechanism)
+    mechanism, normal = inner_drivers_locked(mechanism), plane_normal(mechanism)
     if mechanism.contacts:
         raise UnsolvedGroupError("a curve or cam belongs to no Assur group")
     if mechanism.couplings:
