@@ -221,18 +221,3 @@ def test_the_command_writes_solver_and_self_test(tmp_path, mechsim):
     assert code == 0
     assert "slider_crank_solve from crank (any value)" in out
     assert node(tmp_path / "b.js").returncode == 0
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["rssr", "-o", "solver.txt"], "ends in .txt; choose from .h, .js"),
-        (["rssr", "-o", "solver.h", "--test", "test.js"], "choose from .c"),
-        (["no_such_model", "-o", "solver.h"], "no_such_model"),
-    ],
-)
-def test_invalid_input_ends_with_exit_code_2(tmp_path, mechsim, arguments, message):
-    code, _, err = mechsim("compile", *arguments)
-    assert code == 2
-    assert message in err
-    assert not [*tmp_path.iterdir()]

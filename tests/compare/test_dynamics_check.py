@@ -27,7 +27,6 @@ FORCES = ms.Forces(
     loads=(ms.Load("S", PUSH),),
 )
 RIGHT = with_inertia(LINKAGE.mechanism)
-SPEED = 60.0
 
 
 def heavier(inertia):

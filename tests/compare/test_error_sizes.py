@@ -1,14 +1,15 @@
 """Errors of small records, compared with hand calculations or another method."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from records import force_record
 
 from mechsim.compare import record_errors as errors
 from mechsim.compare.checks import concluded
-from mechsim.mechanism.force_record import ForceRecord, Reaction
 from mechsim.mechanism.motion import JointMotion, LinkMotion, Motion, PointMotion
 
 N = 7
@@ -45,20 +46,7 @@ def joint(value, unit="rad"):
     return JointMotion(np.full(N, value), np.zeros(N), np.zeros(N), unit)
 
 
-def forces_of(**fields):
-    zero = np.zeros(N)
-    reaction = Reaction(link="rod", by="crank", force=FLAT, moment=FLAT, point=FLAT)
-    values = {
-        "characteristic_length": 0.1,
-        "time": None,
-        "angle": ANGLE,
-        "speed": np.full(N, 2.0),
-        "reactions": {"A": reaction},
-        "gears": {},
-        "sliding": np.ones((N, 1)),
-    }
-    names = ("acceleration", "torque", "kinetic", "potential", "power_in", "power_loads", "power_lost")
-    return ForceRecord(**{**dict.fromkeys((*names, "residual"), zero), **values, **fields})
+forces_of = partial(force_record, ANGLE)
 
 
 @pytest.mark.parametrize("angle", [1e-9, 1e-3, 0.4, 1.5, 2.5, 3.1])

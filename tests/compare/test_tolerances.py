@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from records import force_record
 
 from mechsim.compare.checks import Verdict, check_of, combined, concluded, tolerances_of
 from mechsim.compare.crosscheck import crosscheck, crosscheck_forces
@@ -17,7 +18,6 @@ from mechsim.compare.quantities import (
 )
 from mechsim.compare.tolerances import RATES, WELL_CONDITIONED, Requested, Tolerance, ToleranceRule
 from mechsim.errors import InputError
-from mechsim.mechanism.force_record import ForceRecord, Reaction
 from mechsim.mechanism.motion import LinkMotion, Motion, PointMotion
 from mechsim.numerics.arrays import EPS
 
@@ -191,20 +191,9 @@ def test_crank_angles_of_records_may_differ_by_rounding(off, same):
             crosscheck(moving(path), exact)
 
 
-def forces_of(force, torque=(3.0, -4.0, 0.0, 0.0, 0.0), kinetic=(-2.0, 1.0, 0.0, 0.0, 0.0), **more):
-    item = Reaction(link="a", by="b", force=np.asarray(force), moment=FLAT, point=FLAT)
-    names = ("acceleration", "potential", "power_in", "power_loads", "power_lost", "residual")
-    zeros = dict.fromkeys(names, np.zeros(N))
-    values = {
-        "characteristic_length": 0.2,
-        "time": None,
-        "angle": ANGLE,
-        "speed": -5.0 * UNIT,
-        "gears": {},
-        **zeros,
-    }
-    values |= {"torque": np.array(torque), "kinetic": np.array(kinetic), "sliding": np.ones((N, 1))}
-    return ForceRecord(**{**values, "reactions": {"A": item}, **more})
+def forces_of(force, torque=(3.0, -4.0, 0.0, 0.0, 0.0), **more):
+    stated = {"torque": np.array(torque), "kinetic": np.array([-2.0, 1.0, 0.0, 0.0, 0.0])}
+    return force_record(ANGLE, force, characteristic_length=0.2, speed=-5.0 * UNIT, **stated, **more)
 
 
 def test_scales_of_forces_are_root_mean_squares():

@@ -9,10 +9,6 @@ from model_files import model_text
 import mechsim as ms
 
 CRANK, ROD, FOLLOWER, GROUND = 0.3, 1.0, 0.7, 1.0
-FIXED = (
-    '<link name="{0}"/><joint name="{0}_joint" type="fixed"><parent link="{1}"/><child link="{0}"/>'
-    '<origin xyz="{2}"/></joint>'
-)
 TEXTS = tomllib.loads(model_text("urdf_loops_dialects.toml"))
 DIALECTS, ENDS = TEXTS["dialects"], TEXTS["parts"]["ends"]
 

@@ -35,8 +35,8 @@ DEPENDS_ON = {
 }
 
 
-def value(name, **dimensions):
-    solved = ms.catalog.make("four_bar", **dimensions).solve(ANGLES, 2.0)
+def value(name, angles=ANGLES, **dimensions):
+    solved = ms.catalog.make("four_bar", **dimensions).solve(angles, 2.0)
     item = numeric_quantity(name, ms.catalog.make("four_bar").mechanism)
     return item.number(record_columns(solved, [item]))
 
@@ -46,12 +46,6 @@ def agrees(formula):
     evaluation = evaluation_points(ms.catalog.make("four_bar"), speed=2.0)
     values = values_of_function(formula, evaluation, "formula")
     return agreement(evaluation, values, "formula", diagnose=False).passed
-
-
-def of_angles(name, angle):
-    solved = ms.catalog.make("four_bar").solve(angle, 2.0)
-    item = numeric_quantity(name, ms.catalog.make("four_bar").mechanism)
-    return item.number(record_columns(solved, [item]))
 
 
 def require_understood(name, dimension):
@@ -74,8 +68,8 @@ def require_understood(name, dimension):
     subject = ms.moved("four_bar", angles=ANGLES, speed=2.0)
     fitted = ms.fit(subject, {"angle": ANGLES, column: moved}, [dimension])
     assert fitted.values[dimension] == pytest.approx(1.01 * length, rel=1e-9)
-    assert agrees(lambda angle: {name: of_angles(name, angle)})
-    assert not agrees(lambda angle: {name: 1.001 * of_angles(name, angle)})
+    assert agrees(lambda angle: {name: value(name, angle)})
+    assert not agrees(lambda angle: {name: 1.001 * value(name, angle)})
 
 
 @pytest.mark.long

@@ -29,60 +29,47 @@ TABLE = TabledFunction(
 PEG = ("ground", (0.1, 0.2, 0.0))
 SPREAD = diagonal(30.0, 20.0, 10.0, 0.3, 0.2, 0.1)
 SKEWED = tuple(tuple(row) for row in np.array(SPREAD) + 0.05 * (np.ones((6, 6)) - np.eye(6)))
-# kind of force -> mechanism and forces
+# kind of force -> forces on a four-bar, or on a spatial one
+SPATIAL = ("couple", "bushing", "friction of a ball")
 KINDS = {
-    "controller": ("four_bar", {"controllers": (Controller("crank", "-20*sin(crank.q)-2*rocker.v+cos(t)"),)}),
-    "load over angle": ("four_bar", {"loads": (Load("C", table(ANGLES, WAVES)),)}),
-    "load over time": ("four_bar", {"loads": (Load("C", table(ANGLES, WAVES, over="time", periodic=True)),)}),
-    "couple": ("rssr", {"couples": (Couple("coupler", table(ANGLES, WAVES, smooth=True)),)}),
-    "crank torque": (
-        "four_bar",
-        {"crank_torque": table(ANGLES, WAVES[:, 0]), "motor": TorqueSpeedLine(2.0, 30.0)},
-    ),
-    "stop": ("four_bar", {"nonlinear_springs": (NonlinearSpring("crank", SoftStop(-0.1, 1.0, 40.0, 0.3)),)}),
-    "stop of a cut joint": (
-        "four_bar",
-        {"nonlinear_springs": (NonlinearSpring("B", SoftStop(9.0, -1.0, 4.0)),)},
-    ),
-    "spring by expression": (
-        "four_bar",
-        {"nonlinear_springs": (NonlinearSpring(("C", PEG), SpringLaw(stiffness=5.0, text="3*l**2-v")),)},
-    ),
-    "spring by table": (
-        "four_bar",
-        {"nonlinear_springs": (NonlinearSpring("rocker", SpringLaw(damping=0.1, table=TABLE)),)},
-    ),
-    "bushing": ("rssr", {"bushings": (Bushing("mount", End("ground"), End("coupler"), SKEWED, SPREAD),)}),
-    "friction of a ball": ("rssr", {"friction": (Friction("P2", coulomb=0.3),)}),
-    "actuator": (
-        "four_bar",
-        {"actuators": (Actuator("motor", {"crank": 2.0}, control_law("3*sin(5*t)", "u")),)},
-    ),
-    "actuator with a state behind a spring": (
-        "four_bar",
-        {
-            "joint_springs": (JointSpring("crank", 0.1, 0.2),),
-            "actuators": (
-                Actuator("first", {"rocker": 1.0}, control_law("t", "u"), inflow=(1.0, -1.0, 0.0, 0.0)),
-                Actuator(
-                    "dc",
-                    {"crank": 2.0, "rocker": -1.0},
-                    control_law("2+t", "u"),
-                    gain=(0.5, 0.1, 0.2),
-                    bias=(0.1, 0.2, 0.3),
-                    direct=(0.4, 0.5),
-                    inflow=(3.0, -2.0, 0.5, 0.6),
-                    start=0.4,
-                    control_range=(-3.0, 3.0),
-                    state_range=(-9.0, 9.0),
-                ),
+    "controller": {"controllers": (Controller("crank", "-20*sin(crank.q)-2*rocker.v+cos(t)"),)},
+    "load over angle": {"loads": (Load("C", table(ANGLES, WAVES)),)},
+    "load over time": {"loads": (Load("C", table(ANGLES, WAVES, over="time", periodic=True)),)},
+    "couple": {"couples": (Couple("coupler", table(ANGLES, WAVES, smooth=True)),)},
+    "crank torque": {"crank_torque": table(ANGLES, WAVES[:, 0]), "motor": TorqueSpeedLine(2.0, 30.0)},
+    "stop": {"nonlinear_springs": (NonlinearSpring("crank", SoftStop(-0.1, 1.0, 40.0, 0.3)),)},
+    "stop of a cut joint": {"nonlinear_springs": (NonlinearSpring("B", SoftStop(9.0, -1.0, 4.0)),)},
+    "spring by expression": {
+        "nonlinear_springs": (NonlinearSpring(("C", PEG), SpringLaw(stiffness=5.0, text="3*l**2-v")),)
+    },
+    "spring by table": {
+        "nonlinear_springs": (NonlinearSpring("rocker", SpringLaw(damping=0.1, table=TABLE)),)
+    },
+    "bushing": {"bushings": (Bushing("mount", End("ground"), End("coupler"), SKEWED, SPREAD),)},
+    "friction of a ball": {"friction": (Friction("P2", coulomb=0.3),)},
+    "actuator": {"actuators": (Actuator("motor", {"crank": 2.0}, control_law("3*sin(5*t)", "u")),)},
+    "actuator with a state behind a spring": {
+        "joint_springs": (JointSpring("crank", 0.1, 0.2),),
+        "actuators": (
+            Actuator("first", {"rocker": 1.0}, control_law("t", "u"), inflow=(1.0, -1.0, 0.0, 0.0)),
+            Actuator(
+                "dc",
+                {"crank": 2.0, "rocker": -1.0},
+                control_law("2+t", "u"),
+                gain=(0.5, 0.1, 0.2),
+                bias=(0.1, 0.2, 0.3),
+                direct=(0.4, 0.5),
+                inflow=(3.0, -2.0, 0.5, 0.6),
+                start=0.4,
+                control_range=(-3.0, 3.0),
+                state_range=(-9.0, 9.0),
             ),
-        },
-    ),
+        ),
+    },
 }
 
 
-def start_with(mechanism, forces):
+def start_with(forces, mechanism="four_bar"):
     forces = Forces(gravity=(0.0, -9.81, 0.0), **forces)
     return start_of(ms.catalog.make(mechanism).mechanism, forces, {}, {"crank": 3.0})
 
@@ -105,13 +92,13 @@ def applied(start, *, in_python, time=0.3):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_force_is_the_same_in_c_and_in_python(kind):
-    start = start_with(*KINDS[kind])
+    start = start_with(KINDS[kind], "rssr" if kind in SPATIAL else "four_bar")
     expected, controls = applied(start, in_python=True)
     assert controls.executed == "Python"
     result, controls = applied(start, in_python=False)
     assert controls.executed == "C"
     np.testing.assert_allclose(result, expected, rtol=1e-12, atol=1e-12 * np.abs(expected).max())
-    forces = replace(start.model.forces, **{name: getattr(Forces(), name) for name in KINDS[kind][1]})
+    forces = replace(start.model.forces, **{name: getattr(Forces(), name) for name in KINDS[kind]})
     without, _ = applied(replace(start, model=replace(start.model, forces=forces, dry=())), in_python=True)
     assert np.abs(without - result).max() > 1e-6 * np.abs(expected).max()
 
@@ -141,13 +128,13 @@ def test_rods_and_functions_are_the_same_in_c_and_in_python(model, monkeypatch):
 
 
 def test_a_load_table_that_ends_is_named_by_steps_in_c():
-    start = start_with("four_bar", {"crank_torque": table([0.0, 0.05], [1e-3, 2e-3], over="time")})
+    start = start_with({"crank_torque": table([0.0, 0.05], [1e-3, 2e-3], over="time")})
     with pytest.raises(ms.InputError, match="load table covers time"):
         start.stepped(np.linspace(0.0, 0.1, 6), 40)
 
 
 def test_steps_in_c_and_without_a_compiler_agree(monkeypatch, tmp_path):
-    start, times = start_with(*KINDS["controller"]), np.linspace(0.0, 0.1, 6)
+    start, times = start_with(KINDS["controller"]), np.linspace(0.0, 0.1, 6)
     compiled = start.stepped(times, 40)
     c_library.library_or_error.cache_clear()
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
@@ -157,18 +144,18 @@ def test_steps_in_c_and_without_a_compiler_agree(monkeypatch, tmp_path):
     assert (compiled.executed, plain.executed) == ("C", "Python")
     points = [run.motion.points["B"].position for run in (compiled, plain)]
     np.testing.assert_allclose(*points, rtol=0.0, atol=1e-13)
-    without = start_with("four_bar", {}).stepped(times, 40)
+    without = start_with({}).stepped(times, 40)
     assert np.abs(without.motion.points["B"].position - points[0]).max() > 1e-3
     assert without.executed == "C"
 
 
 def test_a_load_by_a_function_in_python_needs_python():
     loads = (Load("C", function(lambda t: np.outer(np.sin(t), [1.0, 2.0, 3.0]), over="time", width=3)),)
-    assert applied(start_with("four_bar", {"loads": loads}), in_python=False)[1].executed == "Python"
+    assert applied(start_with({"loads": loads}), in_python=False)[1].executed == "Python"
 
 
 def test_an_error_during_the_steps_leaves_no_callback():
-    start = start_with(*KINDS["controller"])
+    start = start_with(KINDS["controller"])
 
     def stop(text, fraction):
         raise RuntimeError("stopped")

@@ -3,7 +3,7 @@
 import mujoco
 import numpy as np
 import pytest
-from model_files import model_text
+from equalities import KINDS, text_with
 
 from mechsim.errors import InputError
 from mechsim.simulation import loop_jacobian
@@ -17,25 +17,9 @@ from mechsim.simulation.recording import (
 )
 from mechsim.simulation.state import has_dry_friction
 
-MODEL = model_text("loop_constraints_model.xml")
-KINDS = {
-    "connect of bodies": '<connect body1="b2" body2="f" anchor=".02 .01 -.03"/>',
-    "connect of sites": '<connect site1="s" site2="t"/>',
-    "weld of bodies": '<weld body1="b2" body2="f"/>',
-    "weld with an anchor": '<weld body1="f" body2="c" anchor=".02 .01 -.03"/>',
-    "weld with a pose": '<weld body1="b2" body2="f" anchor=".01 0 0" relpose=".1 .2 .3 .9 .1 -.2 .3"/>',
-    "weld to the world": '<weld body1="c"/>',
-    "weld of sites": '<weld site1="s" site2="t"/>',
-    "weld of a site to the world": '<weld site1="w" site2="t"/>',
-    "joint by joint": '<joint joint1="j" joint2="crank" polycoef=".1 .2 .3 .4 .5"/>',
-    "one joint": '<joint joint1="s1" polycoef=".1 0 0 0 0"/>',
-    "tendon by tendon": '<tendon tendon1="one" tendon2="two" polycoef=".1 .2 .3 .4 .5"/>',
-    "one tendon": '<tendon tendon1="one" polycoef=".1 0 0 0 0"/>',
-}
-
 
 def model_of(equality):
-    spec = mujoco.MjSpec.from_string(MODEL.replace("EQUALITY", equality))
+    spec = mujoco.MjSpec.from_string(text_with(equality))
     track = add_sensors(spec, ("s", "t"))
     return spec.compile(), track
 
@@ -106,7 +90,7 @@ def test_a_quadratic_coupling_is_nonlinear(coefficients, bends):
 
 @pytest.mark.parametrize("element", ["", "<joint ", "<fixed "])
 def test_dry_friction_of_joints_and_tendons_is_detected(element):
-    text = MODEL.replace("EQUALITY", "").replace(element, element + 'frictionloss=".1" ' * bool(element), 1)
+    text = text_with("").replace(element, element + 'frictionloss=".1" ' * bool(element), 1)
     assert has_dry_friction(mujoco.MjModel.from_xml_string(text)) == bool(element)
 
 

@@ -3,6 +3,7 @@
 import mujoco
 import numpy as np
 import pytest
+from equalities import KINDS, text_with
 from model_files import model_text
 
 from mechsim.errors import InputError
@@ -49,29 +50,13 @@ def test_link_poses_and_coordinates_agree_with_mujoco(file, seed):
         assert abs(difference - 2.0 * np.pi * np.round(difference / (2.0 * np.pi))) < 1e-14
 
 
-def loops(equality=""):
-    return model_text("mjcf_reader_loops.xml", equality=equality)
-
-
-EQUALITIES = {
-    "connect": '<connect body1="riser" body2="b" anchor="0.02 0.03 -0.01"/>',
-    "connect to the world": '<connect body1="riser" anchor="0.02 0.03 -0.01"/>',
-    "connect of sites": '<connect site1="out" site2="in"/>',
-    "weld": '<weld body1="riser" body2="c" relpose="0.1 0.2 -0.1 1 0.3 0.2 -0.4" anchor="0.03 0.01 0.02"/>',
-    "weld at the reference": '<weld body1="b" body2="c"/>',
-    "weld of sites": '<weld site1="out" site2="in"/>',
-    "weld without torque": '<weld body1="riser" body2="c" torquescale="0" anchor="0.03 0.01 0.02"/>',
-    "joint": '<joint joint1="swing" joint2="crank" polycoef="0.1 -2 0.3 0.2 -0.05"/>',
-    "one joint": '<joint joint1="slide" polycoef="0.07 0 0 0 0"/>',
-    "tendons": '<tendon tendon1="t" tendon2="u" polycoef="0.2 0.7 0 0.1 0"/>',
-    "one tendon": '<tendon tendon1="t" polycoef="0.2 0 0 0 0"/>',
-}
+WITHOUT_TORQUE = '<weld body1="b2" body2="f" torquescale="0" anchor=".02 .01 -.03"/>'
 
 
 def residuals_of(mechanism, link_poses, values):
     """Return the residuals as MuJoCo defines them: points, small rotations, coordinates."""
     gaps = []
-    for joint in mechanism.joints[4:]:
+    for joint in mechanism.joints[5:]:
         a, b = link_poses[joint.a.link], link_poses[joint.b.link]
         gaps.append(np.linalg.norm(a.point(joint.a.point) - b.point(joint.b.point)))
         if joint.kind == "fixed":
@@ -85,15 +70,15 @@ def residuals_of(mechanism, link_poses, values):
     return np.array(gaps)
 
 
-@pytest.mark.parametrize("kind", EQUALITIES)
-def test_residuals_of_equalities_agree_with_mujoco(file, kind):
-    read = read_model(file(loops(EQUALITIES[kind])))
+@pytest.mark.parametrize("equality", [*KINDS.values(), WITHOUT_TORQUE], ids=[*KINDS, "weld without torque"])
+def test_residuals_of_equalities_agree_with_mujoco(file, equality):
+    read = read_model(file(text_with(equality)))
     model = read.spec.compile()
     data = mujoco.MjData(model)
     data.qpos[:] = state = random_state(model, 5)
     mujoco.mj_fwdPosition(model, data)
     link_poses = {GROUND: IDENTITY, **poses(model, kinematic_tree(model), state)}
-    values = {name: data.joint(name).qpos[0] for name in ("crank", "slide", "swing")}
+    values = {name: data.joint(name).qpos[0] for name in ("crank", "j", "s1")}
     result = residuals_of(read.mechanism, link_poses, values)
     rows = data.efc_pos[data.efc_type == int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)]
     assert np.linalg.norm(rows[:3]) > 1e-3
@@ -133,11 +118,8 @@ BAD = {
         f"nested more than {MAX_DEPTH} deep, .*<include> it in their place",
     ),
     "a tendon through sites": (
-        loops('<tendon tendon1="s"/>').replace(
-            "<tendon>",
-            '<tendon><spatial name="s"><site site="out"/><site site="in"/><site site="out"/></spatial>',
-        ),
-        "tendon 's' runs through sites",
+        text_with('<tendon tendon1="rope" tendon2="one"/>'),
+        "tendon 'rope' runs through sites",
     ),
 }
 

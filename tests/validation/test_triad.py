@@ -1,9 +1,6 @@
-import importlib.util
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
+import triad as study
 
 from mechsim.kinematics.vector_method import triad
 
@@ -19,18 +16,6 @@ REFERENCE = np.array(
         (15.296369, 4.692663, -0.120310),
     ]
 )
-
-
-def load_study():
-    path = Path(__file__).parents[2] / "validation" / "papers" / "triad.py"
-    spec = importlib.util.spec_from_file_location("triad", path)
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["triad"] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-study = load_study()
 
 
 def plane(points: np.ndarray) -> np.ndarray:

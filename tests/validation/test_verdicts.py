@@ -1,24 +1,12 @@
 """A few random mechanisms by every method: validation/robustness/verdicts.py and bounds.py."""
 
-import sys
-from pathlib import Path
-
+import bounds
 import pytest
-
-FOLDER = Path(__file__).parents[2] / "validation" / "robustness"
-
-
-@pytest.fixture(scope="module", autouse=True)
-def studies():
-    sys.path.insert(0, str(FOLDER))
-    yield
-    sys.path.remove(str(FOLDER))
+import verdicts
 
 
 @pytest.mark.slow
 def test_random_mechanisms_pass_with_consistent_verdicts():
-    import verdicts
-
     result = verdicts.study(range(4), seed=3)
     assert result.faults == {}
     assert result.tried["validated"] == 4
@@ -28,8 +16,6 @@ def test_random_mechanisms_pass_with_consistent_verdicts():
 
 @pytest.mark.slow
 def test_errors_use_a_significant_fraction_of_their_tolerances(monkeypatch):
-    import bounds
-
     # 1,000 steps a revolution are too few for the dynamics of these linkages without a tolerance
     monkeypatch.setattr(bounds, "prescribed_checks", lambda solver: [])
     result = bounds.tolerance_fractions(4, seed=3)

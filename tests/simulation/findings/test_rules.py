@@ -16,15 +16,9 @@ SOFT = SOUND.replace('gravity="0 0 0"', 'gravity="0 -9.81 0"').replace(
 )
 
 
-def written(tmp_path, text):
-    path = tmp_path / "model.xml"
-    path.write_text(text)
-    return str(path)
-
-
 @pytest.mark.long
-def test_all_formats_report_the_same_findings(tmp_path, mechsim):
-    path = written(tmp_path, OPEN)
+def test_all_formats_report_the_same_findings(file, mechsim):
+    path = file(OPEN)
     expected = [violation.rule for violation in ms.check(path)]
     _, out, _ = mechsim("check", path, "--output-format", "json")
     assert [finding["rule"] for finding in json.loads(out)["findings"]] == expected
@@ -40,8 +34,8 @@ def test_all_formats_report_the_same_findings(tmp_path, mechsim):
     assert location["region"]["startLine"] == 7
 
 
-def test_a_repaired_copy_in_another_folder_finds_its_included_files(tmp_path, mechsim):
-    path = written(tmp_path, SOFT.replace("<worldbody>", '<include file="parts/extra.xml"/><worldbody>', 1))
+def test_a_repaired_copy_in_another_folder_finds_its_included_files(file, tmp_path, mechsim):
+    path = file(SOFT.replace("<worldbody>", '<include file="parts/extra.xml"/><worldbody>', 1))
     (tmp_path / "parts").mkdir()
     extra = "<mujocoinclude><worldbody><site name='of_the_included_file'/></worldbody></mujocoinclude>"
     (tmp_path / "parts" / "extra.xml").write_text(extra)
