@@ -54,24 +54,9 @@ def worst(exact, result):
     return max(float(abs(z - complex(*p[:2]))) for z, p in zip(exact, result, strict=True))
 
 
-def touching_rrsrr():
-    """An RRSRR whose torus and sphere just touch: the link's length found by bisection."""
-    linkage = catalog.make("rrsrr")
-    angle = np.linspace(0.0, REVOLUTION, 20001)
-    inside, outside = 0.039, 0.055
-    for _ in range(30):
-        middle = 0.5 * (inside + outside)
-        above = linkage.with_parameters(link=middle).closed_form.discriminant(angle).min() > 0.0
-        inside, outside = (middle, outside) if above else (inside, middle)
-    closest = float(angle[np.argmin(linkage.with_parameters(link=inside).closed_form.discriminant(angle))])
-    for _ in range(60):
-        middle = 0.5 * (inside + outside)
-        around = closest + np.linspace(-1e-3, 1e-3, 2001)
-        above = linkage.with_parameters(link=middle).closed_form.discriminant(around).min() > 0.0
-        inside, outside = (middle, outside) if above else (inside, middle)
-    return linkage.with_parameters(link=inside)
-
-
+# length of an RRSRR's link whose sphere just touches the torus, in [m]: the largest for which the least
+# discriminant over the crank angles is positive, by bisection to the last bit
+TOUCHING_LINK = 0.05233105012119288
 CHANGE_POINT_LINKAGES = {
     "parallelogram": catalog.make("four_bar", ground=0.1, crank=0.045, coupler=0.1, rocker=0.045, branch=-1),
     "kite": catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.04, rocker=0.1),
@@ -82,7 +67,7 @@ CHANGE_POINT_LINKAGES = {
     "planar rssr": catalog.make(
         "rssr", crank=0.04, coupler=0.1, rocker=0.04, pivot=(0.0, -0.1, 0.0), gamma1=np.pi / 2, gamma2=0.0
     ),
-    "tangent rrsrr": touching_rrsrr(),
+    "tangent rrsrr": catalog.make("rrsrr", link=TOUCHING_LINK),
 }
 # where A coincides with O4 the coupler is undetermined, and a branch ends
 WITH_BRANCHES = [which for which in CHANGE_POINT_LINKAGES if which not in ("kite about its frame", "rhombus")]

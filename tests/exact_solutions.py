@@ -5,21 +5,14 @@ angle, as arrays of doubles rounded from 50 digits.
 """
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
 from mpmath import mp
 
-from mechsim.kinematics.solvers import KinematicSolver
-
 Derivatives = tuple[np.ndarray, np.ndarray, np.ndarray]
 DIGITS = 50
-
-
-def rssr_p3(linkage: KinematicSolver, f: float) -> Derivatives:
-    """P3 with its derivatives by the crank angle."""
-    with mp.workdps(DIGITS):
-        return _derivatives(lambda angle: rssr_p3_place(linkage, angle), f)
 
 
 def rssr_p3_place(linkage: Any, angle: mp.mpf) -> list[mp.mpf]:
@@ -37,12 +30,6 @@ def rssr_p3_place(linkage: Any, angle: mp.mpf) -> list[mp.mpf]:
     return [p + r * (u * mp.cos(t) + v * mp.sin(t)) for p, u, v in zip(pivot, x, y, strict=True)]
 
 
-def four_bar_b(linkage: KinematicSolver, f: float) -> Derivatives:
-    """B with its derivatives by the crank angle."""
-    with mp.workdps(DIGITS):
-        return _derivatives(lambda angle: four_bar_b_place(linkage, angle), f)
-
-
 def four_bar_b_place(linkage: Any, angle: mp.mpf) -> list[mp.mpf]:
     """B by the half-angle roots of Freudenstein's equation."""
     g, a = mp.mpf(linkage.ground), mp.mpf(linkage.crank)
@@ -56,12 +43,6 @@ def four_bar_b_place(linkage: Any, angle: mp.mpf) -> list[mp.mpf]:
         key=lambda t: -linkage.branch * r * (mp.cos(t) * ay - mp.sin(t) * ax),
     )
     return [g + r * mp.cos(t), r * mp.sin(t), mp.mpf(0)]
-
-
-def slider_crank_b(linkage: KinematicSolver, f: float) -> Derivatives:
-    """B with its derivatives by the crank angle."""
-    with mp.workdps(DIGITS):
-        return _derivatives(lambda angle: slider_crank_b_place(linkage, angle), f)
 
 
 def slider_crank_b_place(linkage: Any, angle: mp.mpf) -> list[mp.mpf]:
@@ -85,7 +66,16 @@ def unit_at_angles(v1: np.ndarray, v2: np.ndarray, angle1: float, angle2: float,
         return np.array([float(value) for value in p])
 
 
-def _derivatives(point: Callable[[mp.mpf], list[mp.mpf]], f: float) -> Derivatives:
-    columns = [mp.taylor(lambda angle, i=i: point(angle)[i], mp.mpf(float(f)), 2) for i in range(3)]
-    taylor = np.array([[float(value) for value in column] for column in columns])
+def _derivatives(point: Callable[..., list[mp.mpf]], linkage: Any, f: float) -> Derivatives:
+    """Return a point with its derivatives by the crank angle."""
+    with mp.workdps(DIGITS):
+        columns = [
+            mp.taylor(lambda angle, i=i: point(linkage, angle)[i], mp.mpf(float(f)), 2) for i in range(3)
+        ]
+        taylor = np.array([[float(value) for value in column] for column in columns])
     return taylor[:, 0], taylor[:, 1], 2.0 * taylor[:, 2]
+
+
+rssr_p3 = partial(_derivatives, rssr_p3_place)
+four_bar_b = partial(_derivatives, four_bar_b_place)
+slider_crank_b = partial(_derivatives, slider_crank_b_place)

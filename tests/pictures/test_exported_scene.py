@@ -1,7 +1,7 @@
 import mujoco
 import numpy as np
 import pytest
-from drawing import draws
+from drawing import draws, viewer_scene
 from grids import grid
 from picture_colours import coloured, hues
 
@@ -51,10 +51,8 @@ def test_an_exported_picture_scene_shows_every_link_in_mujoco(name):
 @pytest.mark.parametrize("name", ["four_bar", "rssr"])
 def test_the_viewer_of_mujoco_starts_from_the_side_of_the_camera(name):
     model = mujoco.MjModel.from_xml_string(ms.export(name, scene="picture").text)
-    data, free, scene = mujoco.MjData(model), mujoco.MjvCamera(), mujoco.MjvScene(model, 100)
-    mujoco.mj_forward(model, data)
-    mujoco.mjv_defaultFreeCamera(model, free)
-    mujoco.mjv_updateScene(model, data, mujoco.MjvOption(), None, free, mujoco.mjtCatBit.mjCAT_ALL, scene)
+    data = mujoco.MjData(model)
+    scene = viewer_scene(model, data)
     back = data.cam_xmat.reshape(-1, 3, 3)[model.camera("view").id][:, 2]
     # MuJoCo stores both in single precision
     assert np.dot(scene.camera[0].forward, back) == pytest.approx(-1.0, abs=1e-6)

@@ -7,6 +7,7 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
+from drawing import viewer_scene
 from model_files import FOLDER, model_text
 
 import mechsim as ms
@@ -31,16 +32,6 @@ def drawn_bodies(solver, motion=None):
     """Return the drawing of a file's bodies."""
     motion = solver.solve([0.0, 1.0]) if motion is None else motion
     return Source(solver.mechanism, motion).drawn(Look(**drawn_as(solver)))
-
-
-def mujoco_scene(model, data):
-    """Return the scene of MuJoCo's free camera."""
-    free, scene = mujoco.MjvCamera(), mujoco.MjvScene(model, maxgeom=200)
-    mujoco.mjv_defaultFreeCamera(model, free)
-    mujoco.mjv_updateScene(
-        model, data, mujoco.MjvOption(), None, free, int(mujoco.mjtCatBit.mjCAT_ALL), scene
-    )
-    return scene
 
 
 def test_geoms_have_the_poses_and_colours_of_the_file(solver):
@@ -87,7 +78,7 @@ def test_every_solid_is_drawn_in_its_own_colour(solver):
     assert drawn.camera.up @ [0.0, 0.0, 1.0] == pytest.approx(1.0)
     model = drawn.model
     drawn.set_frame(0)
-    scene = mujoco_scene(model, drawn.data)
+    scene = viewer_scene(model, drawn.data)
     colours = {
         geom.objid: geom.rgba for geom in scene.geoms[: scene.ngeom] if geom.dataid >= 0 or geom.type != 0
     }
@@ -125,9 +116,7 @@ def loop(tmp_path, visual="", colour="", axis="0 1 0", reach=""):
 def mujoco_camera(spec):
     """Return the directions (back, up) of MuJoCo's free camera on a file, from MuJoCo's own scene."""
     model = spec.compile()
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
-    (camera, _) = mujoco_scene(model, data).camera
+    (camera, _) = viewer_scene(model, mujoco.MjData(model)).camera
     return -np.array(camera.forward), np.array(camera.up)
 
 

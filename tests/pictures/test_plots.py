@@ -352,6 +352,13 @@ def test_a_diagram_shows_the_initial_state_of_a_file():
     np.testing.assert_allclose(finger, 0.08 * np.array([-0.5, 0.75**0.5]), atol=1e-9)
 
 
+def test_the_transmission_angle_is_drawn_in_degrees():
+    (ax,) = ms.plot("four_bar", kind="quantities", quantities=["transmission"]).axes
+    angle, drawn = ax.get_lines()[0].get_data()
+    expected = ms.catalog.make("four_bar").transmission_angle(np.deg2rad(angle))
+    np.testing.assert_allclose(drawn, np.rad2deg(expected), atol=1e-6)
+
+
 def test_a_response_of_zero_is_drawn_without_a_warning():
     nothing = {"frequency": np.array([1.0, 2.0]), "magnitude": np.zeros(2), "phase": np.zeros(2)}
     assert ms.plots.drawn(bode_plot(nothing, "P.x")).startswith(b"<?xml")

@@ -72,6 +72,15 @@ def open_live(window, path):
     assert window.run("state.grid.name") == "live"
 
 
+def open_text(window, folder, text):
+    """Open the page of a model; return the model's path."""
+    path = folder / "own.toml"
+    path.write_text(text)
+    path.with_suffix(".html").write_text(page(live_view(str(path))))
+    open_live(window, path.with_suffix(".html"))
+    return path
+
+
 def set_dimension(window, name, value):
     """Set the slider of a dimension, return its number."""
     i = window.run(f"state.grid.sliders.findIndex(slider => slider.name === 'dimension.{name}')")
@@ -142,11 +151,7 @@ def test_a_saved_file_gives_the_mechanism_of_the_page(window, pages, tmp_path):
 
 @in_browser
 def test_a_saved_line_keeps_its_other_values_and_its_comment(window, tmp_path):
-    own = tmp_path / "own_bar.toml"
-    own.write_text(OWN_BAR)
-    shown = tmp_path / "own_bar.html"
-    shown.write_text(page(live_view(str(own))))
-    open_live(window, shown)
+    open_text(window, tmp_path, OWN_BAR)
     set_dimension(window, "long_bar", 0.125)
     lines = window.run("state.grid.live.toml(state.values)").splitlines()
     changed = [(a, b) for a, b in zip(OWN_BAR.splitlines(), lines, strict=True) if a != b]
@@ -266,11 +271,7 @@ def test_a_finger_drags_points_and_pivots_and_scrolls_elsewhere(window, pages):
 
 @in_browser
 def test_loads_have_sliders_and_the_torque_follows_as_in_python(window, tmp_path):
-    path = tmp_path / "press.toml"
-    path.write_text(LOADED)
-    shown = tmp_path / "press.html"
-    shown.write_text(page(live_view(str(path))))
-    open_live(window, shown)
+    path = open_text(window, tmp_path, LOADED)
     changed = {"force on B x": -8.5, "force on B y": 3.0, "moment on rod z": 0.2}
     changed |= {"load on the crank": -0.45, "mass of slider": 3.5}
     names = window.run("state.grid.sliders.map(slider => slider.name)")
