@@ -43,7 +43,7 @@ def trace(
     source.require_other_drivers()
     solver = source.load()
     with progress("trace", None, at_least=True) as report:
-        curves = trace_assemblies(solver, starts=starts, progress=report)
+        curves = trace_assemblies(solver.mechanism, starts=starts, progress=report)
     if output is not None:
         files.write_table(output, curve_table(curves))
     data: dict[str, Any] = {**trace_record(curves), "output": output}

@@ -79,7 +79,9 @@ def _contents(source: ModelOptions, release: ReleaseOptions, stated: Stated) -> 
         release.exclude(stated)
         model = released_model(source)
         return release_view(release.release(model, source), release.mode)
-    solver = source.load()
+    # a model with drivers of its own, and no request that concerns them, is loaded already
+    as_written = resting.source is None and not source.drive and source.duration is None
+    solver = resting if as_written and resting.mechanism.drivers else source.load()
     contents = model_view(solver, crank_speed(SPEED))
     notes.extend(without_geoms(solver, contents.bodies))
     return contents

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.kinematics.assur import AssurGroup, assur_groups, inner_drivers_locked
-from mechsim.kinematics.mobility_count import planar_pairs, plane_normal, rigid
+from mechsim.kinematics.assur import AssurGroup, Decomposition, assur_groups, inner_drivers_locked
+from mechsim.kinematics.mobility_count import Pairs, planar_pairs, plane_normal, rigid
 from mechsim.kinematics.vector_method.triad import triad_modes
 from mechsim.mechanism.links import GROUND, Pose
 from mechsim.mechanism.mechanism import Mechanism
@@ -88,6 +88,61 @@ class GroupAssemblies:
     complete: bool
 
 
+@dataclass(frozen=True, slots=True)
+class GroupChain:
+    """A planar mechanism as its Assur groups.
+
+    Attributes:
+        mechanism: the mechanism.
+        basis: right-handed basis whose third column is the normal of its plane, (3, 3).
+        decomposition: its drivers and groups.
+        pairs: its pins and slides.
+        body: link -> first of the links that are fixed to it.
+    """
+
+    mechanism: Mechanism
+    basis: Array
+    decomposition: Decomposition
+    pairs: Sequence[Pairs]
+    body: Mapping[str, str]
+
+    def assemblies(self, poses: Mapping[str, Pose]) -> GroupAssemblies:
+        """Return every assembly at the driver positions of one, as `group_assemblies`."""
+        basis, pairs = self.basis, list[PlanePair]()
+
+        # the pairs of the mechanism in the plane, at the reference pose
+        def flat(vector: Array) -> complex:
+            return complex(*(basis[:, :2].T @ vector))
+
+        for pair in self.pairs:
+            end = self.mechanism.joint(pair.joints[0]).a
+            pose = poses[end.link]
+            direction = None if pair.hinge else flat(pose.rotation @ np.asarray(end.axis))
+            pairs.append(PlanePair(pair.links, flat(pose.point(end.point)), direction))
+        pairs_of: dict[str, dict[int, PlanePair]] = {}
+        for i, plane_pair in enumerate(pairs):
+            for link in plane_pair.links:
+                pairs_of.setdefault(link, {})[i] = plane_pair
+        placed: list[Placed] = [dict.fromkeys((GROUND, *self.decomposition.drivers), AT_REFERENCE)]
+        families: dict[str, None] = {}
+        complete = True
+        for group in self.decomposition.groups:
+            complete &= len(placed) <= MAX_ASSEMBLIES
+            before, placed = placed[:MAX_ASSEMBLIES], []
+            of_links = {i: pair for link in group.links for i, pair in pairs_of.get(link, {}).items()}
+            own = [of_links[i] for i in sorted(of_links)]
+            for start in before:
+                try:
+                    placed += [{**start, **added} for added in _solutions(group, own, start)]
+                except FamilyError as error:
+                    families[f"{', '.join(group.links)}: {error}"] = None
+        isolated = tuple(
+            {name: _displaced(pose, assembly[self.body[name]], basis) for name, pose in poses.items()}
+            for assembly in placed[:MAX_ASSEMBLIES]
+        )
+        return GroupAssemblies(isolated, tuple(families), complete and len(placed) <= MAX_ASSEMBLIES)
+
+
 def group_assemblies(mechanism: Mechanism, poses: Mapping[str, Pose]) -> GroupAssemblies:
     """Return every assembly of a planar mechanism at the driver positions of one of its assemblies.
 
@@ -110,6 +165,15 @@ def group_assemblies(mechanism: Mechanism, poses: Mapping[str, Pose]) -> GroupAs
 
     Source: Artobolevskii, Theory of Mechanisms and Machines, classes II and III; `triad_modes`.
     """
+    return group_chain(mechanism).assemblies(poses)
+
+
+def group_chain(mechanism: Mechanism) -> GroupChain:
+    """Return the Assur groups of a planar mechanism, which are those of each of its poses.
+
+    Raises:
+        InputError: if the mechanism is spatial, or its groups are undetermined.
+    """
     mechanism, normal = inner_drivers_locked(mechanism), plane_normal(mechanism)
     if mechanism.contacts:
         raise UnsolvedGroupError("a curve or cam belongs to no Assur group")
@@ -117,44 +181,10 @@ def group_assemblies(mechanism: Mechanism, poses: Mapping[str, Pose]) -> GroupAs
         raise UnsolvedGroupError("racks and couplings belong to no Assur group")
     decomposition = assur_groups(mechanism)
     assert normal is not None
-    # a right-handed basis whose third column is the normal, (3, 3)
     first = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))]).astype(np.float64)
     first /= np.linalg.norm(first)
     basis = np.array([first, np.cross(normal, first), normal], dtype=np.float64).T
-    # the pairs of a mechanism in the plane, at the reference pose
-
-    def flat(vector: Array) -> complex:
-        return complex(*(basis[:, :2].T @ vector))
-
-    pairs: list[PlanePair] = []
-    for pair in planar_pairs(mechanism):
-        end = mechanism.joint(pair.joints[0]).a
-        pose = poses[end.link]
-        direction = None if pair.hinge else flat(pose.rotation @ np.asarray(end.axis))
-        pairs.append(PlanePair(pair.links, flat(pose.point(end.point)), direction))
-    pairs_of: dict[str, dict[int, PlanePair]] = {}
-    for i, plane_pair in enumerate(pairs):
-        for link in plane_pair.links:
-            pairs_of.setdefault(link, {})[i] = plane_pair
-    placed: list[Placed] = [dict.fromkeys((GROUND, *decomposition.drivers), AT_REFERENCE)]
-    families: dict[str, None] = {}
-    complete = True
-    for group in decomposition.groups:
-        complete &= len(placed) <= MAX_ASSEMBLIES
-        before, placed = placed[:MAX_ASSEMBLIES], []
-        of_links = {i: pair for link in group.links for i, pair in pairs_of.get(link, {}).items()}
-        own = [of_links[i] for i in sorted(of_links)]
-        for start in before:
-            try:
-                placed += [{**start, **added} for added in _solutions(group, own, start)]
-            except FamilyError as error:
-                families[f"{', '.join(group.links)}: {error}"] = None
-    body = rigid(mechanism)
-    isolated = tuple(
-        {name: _displaced(pose, assembly[body[name]], basis) for name, pose in poses.items()}
-        for assembly in placed[:MAX_ASSEMBLIES]
-    )
-    return GroupAssemblies(isolated, tuple(families), complete and len(placed) <= MAX_ASSEMBLIES)
+    return GroupChain(mechanism, basis, decomposition, planar_pairs(mechanism), rigid(mechanism))
 
 
 def _displaced(pose: Pose, displacement: Displacement, basis: Array) -> Pose:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.graphs import components
+from mechsim.numerics.graphs import cycle_count
 from mechsim.numerics.rank import least_norm
 
 # entry of a Jacobian below which it is rounding
@@ -124,9 +124,8 @@ class Band:
     @cached_property
     def parity(self) -> float:
         """Sign that both orders give the determinant, by the number of their cycles."""
-        orders = self.equations.tolist(), self.unknowns.tolist()
-        cycles = [len(components(order, enumerate(order))) for order in orders]
-        return -1.0 if sum(cycles) % 2 else 1.0
+        cycles = sum(cycle_count(order.tolist()) for order in (self.equations, self.unknowns))
+        return -1.0 if cycles % 2 else 1.0
 
 
 def band(
@@ -251,6 +250,12 @@ class BandedSystems:
         vectors = self._banded_solution(units).transpose(1, 2, 0)
         return vectors, self.border @ vectors
 
+    @cached_property
+    def _carried_border(self) -> Array:
+        """A^-T times the rows of C, (s, n, u)."""
+        assert self.border is not None
+        return self._banded_solution(self.border.swapaxes(0, 1), transposed=True)
+
     def solution(self, right: Array, transposed: bool = False) -> Array:
         """Return the solutions (n, u) of right sides (n, u); of k n right sides those of k copies.
 
@@ -263,7 +268,7 @@ class BandedSystems:
         (vectors, gains), rank = self._null_space, right.shape[1] - self.border.shape[1]
         if transposed:
             above = self._banded_solution(first, transposed)
-            rows = self._banded_solution(self.border.swapaxes(0, 1), transposed)
+            rows = self._carried_border
             above[..., rank:] = np.linalg.solve(gains.swapaxes(1, 2), above[..., rank:, None])[..., 0]
             above[..., :rank] -= np.einsum("snu,kns->knu", rows[..., :rank], above[..., rank:])
             return above.reshape(right.shape)
@@ -290,7 +295,13 @@ class BandedSystems:
 
     @cached_property
     def smallest_singular_values(self) -> Array:
-        """Smallest singular value of each matrix A, (n,): the largest of its inverse.
+        """Smallest singular value of each matrix A, (n,)."""
+        return self.least_singular_values(CONVERGED)
+
+    def least_singular_values(self, error: float) -> Array:
+        """Return the smallest singular value of each matrix A to a relative error, (n,).
+
+        It is the largest of the inverse.
 
         Source: Lanczos' method with complete reorthogonalisation for (A^T A)^-1; G. Golub and C. Van Loan,
         Matrix Computations (2013), chapter 10.
@@ -312,7 +323,7 @@ class BandedSystems:
             basis[k + 1] = ahead / np.where(length > 0.0, length, 1.0)[:, None]
             if k % BETWEEN == BETWEEN - 1:
                 largest = np.linalg.eigvalsh(projected[:, : k + 1, : k + 1])[:, -1]
-                if (largest - before <= CONVERGED * largest).all():
+                if (largest - before <= error * largest).all():
                     return 1.0 / np.sqrt(largest)
                 before = largest
         return np.asarray(np.linalg.svd(self.dense, compute_uv=False)[:, -1], dtype=np.float64)

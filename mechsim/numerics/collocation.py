@@ -118,6 +118,10 @@ class Interpolant:
 
     def evaluate(self, s: Array) -> Array:
         """Return the polynomial at parameters (n,), (n, w)."""
+        return self.weights_at(s) @ self.states
+
+    def weights_at(self, s: Array) -> Array:
+        """Return the weights of the states at the nodes, (n, k), in the polynomial at parameters (n,)."""
         distance = s[:, None] - self.nodes
         at_node = distance == 0.0
         weights = np.where(at_node.any(1)[:, None], at_node, self.weights / np.where(at_node, 1.0, distance))
@@ -127,7 +131,7 @@ class Interpolant:
         if cancelled.any():
             weights[cancelled] = np.eye(len(self.nodes))[np.abs(distance[cancelled]).argmin(1)]
             total[cancelled] = 1.0
-        return (weights / total) @ self.states
+        return weights / total
 
     def value_at(self, s: float) -> Array:
         """Return the polynomial at one parameter, (w,)."""
@@ -182,13 +186,21 @@ class Piecewise(Generic[S_co]):
 
     def segment_at(self, s: float) -> S_co:
         """Return the polynomial of a parameter."""
-        return next(self.groups(np.array([s])))[0]
+        return self.segments[max(int(np.searchsorted(self._lows, s + JUNCTION, side="right")) - 1, 0)]
 
     def evaluate(self, s: Array) -> Array:
         """Return the polynomials at parameters (n,), (n, w)."""
         values = np.empty((len(s), self.segments[0].states.shape[1]))
         for segment, index in self.groups(s):
             values[index] = segment.evaluate(s[index])
+        return values
+
+    def components(self, s: Array, columns: NDArray[np.intp]) -> Array:
+        """Return one component of the polynomials, of index (n,), at each of the parameters (n,): (n,)."""
+        values = np.empty(len(s))
+        for segment, index in self.groups(s):
+            weights = segment.weights_at(s[index])
+            values[index] = np.einsum("nk,kn->n", weights, segment.states[:, columns[index]])
         return values
 
     def derivative(self) -> "Piecewise[S_co]":

@@ -107,9 +107,3 @@ class DampedLoops(LoopSystem[Q]):
         loops: Any = self.loops
         residual, derivatives, _ = loops.sparse(q)
         return DampedBand(residual.T, derivatives, self.normal, self.damping)
-
-
-def damped_loops(loops: Any, q: Q, damping: Damping) -> DampedLoops[Q] | None:
-    """Return loops near configurations with damped steps in a band; None if there is none."""
-    normal = normal_band(loops.sparse(q.select(np.array([0])))[1], loops.unknown)
-    return None if normal is None else DampedLoops(loops, loops.unknown, normal, damping)

@@ -194,10 +194,15 @@ class Linearised:
         jacobian = self.jacobian.take(self.unknown, 1)
         return bool(np.abs(jacobian.take(self.others, 0)).max(initial=0.0) < NEGLIGIBLE)
 
-    def smallest_of_all(self, rank: int) -> Array:
-        """Return the smallest relevant singular values of all equations, (n,); 1 without unknowns."""
+    def smallest_of_all(self, rank: int, error: float | None = None) -> Array:
+        """Return the smallest relevant singular values of all equations, (n,); 1 without unknowns.
+
+        Those of bands have at most a relative error; the default is rounding.
+        """
         if not rank:
             return np.ones(len(self.systems))
+        if not isinstance(self.systems, np.ndarray) and self.others_vanish and error is not None:
+            return self.systems.least_singular_values(error)
         if self.alone or (not isinstance(self.systems, np.ndarray) and self.others_vanish):
             return self._smallest
         return self.all_singular_values[:, rank - 1]

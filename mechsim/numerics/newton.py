@@ -179,10 +179,11 @@ def root(function: Callable[[float], float], low: float, high: float) -> float:
     return float(brent(function, low, high, xtol=1e-300, rtol=1e-15, maxiter=1000))
 
 
-def roots(function: Callable[[Array], Array], low: Array, high: Array) -> Array:
+def roots(function: Callable[..., Array], low: Array, high: Array, *others: NDArray[Any]) -> Array:
     """Return the roots (n,) of a function between arguments (n,) with values of opposite sign, to rounding.
 
-    All are found at once: the function has arrays of rising arguments if `low` rises.
+    All are found at once: the function has arrays of rising arguments if `low` rises, and the elements of
+    other arrays (n,) that belong to them.
 
     Source: Chandrupatla's method, scipy.optimize.elementwise.find_root.
     """
@@ -191,7 +192,7 @@ def roots(function: Callable[[Array], Array], low: Array, high: Array) -> Array:
     from scipy.optimize import elementwise
 
     find: Any = elementwise.find_root
-    return np.asarray(find(function, (low, high)).x)
+    return np.asarray(find(function, (low, high), args=others).x)
 
 
 def _largest(values: Array) -> Array:

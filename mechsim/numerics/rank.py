@@ -83,6 +83,14 @@ def pivot_columns(matrix: Array) -> tuple[NDArray[np.intp], Array]:
     return order, sizes
 
 
+def singular_values(matrix: Array) -> Array:
+    """Return the singular values of matrices, (..., m, k), in descending order."""
+    own = np.linalg.svd(matrix[_relevant(matrix)], compute_uv=False)
+    values = np.zeros((*matrix.shape[:-2], min(matrix.shape[-2:])))
+    values[..., : own.shape[-1]] = own
+    return values
+
+
 def right_vectors(matrix: Array) -> tuple[Array, Array]:
     """Return singular values and all k right singular vectors of matrices, (..., m, k)."""
     # all left ones of a row of a hundred loops would take thirty times as long

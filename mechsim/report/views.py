@@ -61,7 +61,7 @@ def crank_grids(
     """
     if solver.assemblies(solver.crank_range().start()) is None:
         # the slider covers the crank's whole range
-        free = solver.with_mechanism(solver.mechanism, ranges={})
+        free = solver.with_mechanism(solver.mechanism, ranges={}) if solver.ranges else solver
         return [crank_grid(free, "own assembly", speed, limits)]
     assemblies = {_called(solver): solver}
     for angle in np.linspace(-np.pi, np.pi, CRANK_ANGLES, endpoint=False).tolist():

@@ -10,7 +10,7 @@ from mechsim.io.readers import load
 from mechsim.kinematics.continuation.assembly_curve import AssemblyCurve
 from mechsim.kinematics.continuation.free_loops import FreeLoops, free_loops
 from mechsim.kinematics.continuation.segments import trace_curve
-from mechsim.kinematics.group_assemblies import group_assemblies
+from mechsim.kinematics.group_assemblies import group_chain
 from mechsim.kinematics.loops.assemblies import joined_poses
 from mechsim.kinematics.loops.constraints import TreeLoops
 from mechsim.kinematics.loops.kinematics import Coordinates, link_poses
@@ -21,7 +21,7 @@ from mechsim.mechanism.mechanism import Mechanism, described
 from mechsim.mechanism.motion import short_repr
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.loop_solver import loop_solver
-from mechsim.numerics.rank import significant
+from mechsim.numerics.rank import significant, singular_values
 from mechsim.numerics.resources import Progress, no_progress
 
 # distance of features below which a pose lies on a curve
@@ -57,7 +57,7 @@ class CurveSearch:
             return
         _, jacobian, placed = self.loops.loops.linearise(poses)
         by_unknowns = jacobian[:, self.loops.loops.unknown].transpose(2, 0, 1)
-        values = np.linalg.svd(by_unknowns, compute_uv=False)
+        values = singular_values(by_unknowns)
         rank = significant(values, RANK_TOLERANCE).sum(1)
         self.poses += [poses.select(np.array([i])) for i in range(len(poses))]
         self.features = np.concatenate([self.features, self.loops.features.values(placed)])
@@ -129,16 +129,22 @@ class CurveSearch:
 
 def lie_on(curve: AssemblyCurve, features: Array) -> NDArray[np.bool_]:
     """Return which of n poses, given by their features, lie on a curve, (n,)."""
-    arcs, node_features = curve.traced.nodes
-    on, spacing = np.zeros(len(features), dtype=np.bool_), (np.diff(arcs, append=curve.length) ** 2).max()
-    squares = [(rows**2).sum(1) for rows in (features, node_features)]
-    for i, pose in enumerate(features):
-        distances = squares[0][i] + squares[1] - 2.0 * (node_features @ pose)
-        # where a curve nearly crosses itself, several local minima are candidates
-        minima = (distances <= np.roll(distances, 1)) & (distances <= np.roll(distances, -1))
-        candidates = arcs[minima & (distances < spacing)]
-        on[i] = any(_distance(curve, float(arc), pose) < ON_CURVE for arc in candidates)
-    return on
+    segments = curve.traced.segments
+    arcs = np.concatenate([segment.nodes for segment in segments])
+    spacing = (np.diff(arcs, append=curve.length) ** 2).max()
+    # squares of the distances from the nodes, (n, nodes)
+    states, own = (segment.features.states for segment in segments), (features**2).sum(1)[:, None]
+    distances = np.hstack([own + (rows**2).sum(1) - 2.0 * (features @ rows.T) for rows in states])
+    # where a curve nearly crosses itself, several local minima are candidates
+    minima = (distances <= np.roll(distances, 1, 1)) & (distances <= np.roll(distances, -1, 1))
+    candidates = minima & (distances < spacing)
+    return np.array(
+        [
+            any(_distance(curve, float(arc), pose) < ON_CURVE for arc in arcs[chosen])
+            for pose, chosen in zip(features, candidates, strict=True)
+        ],
+        dtype=np.bool_,
+    )
 
 
 def _distance(curve: AssemblyCurve, arc: float, features: Array) -> float:
@@ -169,13 +175,17 @@ def add_group_poses(search: CurveSearch, loops: TreeLoops) -> tuple[list[NDArray
         Indices of the poses at each crank angle, and why there are none; empty text if there are.
     """
     curve, added = search.curves[0], list[NDArray[np.intp]]()
+    try:
+        chain = group_chain(loops.tree.original)
+    except InputError as error:
+        return [], str(error)
     for arc in np.linspace(0.0, curve.length, GROUP_ANGLES, endpoint=False):
         segment = curve.traced.segment_at(float(arc))
         q = curve.loops.unflat(segment.evaluate(np.array([arc])))
         own = link_poses(loops.tree, q).by_link(loops.tree.links)
         poses = {GROUND: IDENTITY} | {name: pose.select(0) for name, pose in own.items()}
         try:
-            every = group_assemblies(loops.tree.original, poses).poses
+            every = chain.assemblies(poses).poses
         except InputError as error:
             return [], str(error)
         first = len(search.poses)

@@ -63,6 +63,10 @@ def test_a_shuffled_chain_with_a_border_is_solved_as_dense_matrices_are(width, b
     np.testing.assert_allclose(own.determinant[1], logarithm, rtol=1e-12)
     values = np.linalg.svd(dense, compute_uv=False)
     np.testing.assert_allclose(own.smallest_singular_values, values[:, -1], rtol=1e-9)
+    # after three steps, from above
+    estimate = own.least_singular_values(1.0)
+    assert (values[:, -1] * (1.0 + 1e-12) < estimate).all()
+    assert (estimate < 3.0 * values[:, -1]).all()
 
 
 def test_products_of_sparse_matrices_are_those_of_dense_ones():

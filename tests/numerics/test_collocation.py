@@ -14,6 +14,7 @@ from mechsim.numerics.collocation import (
     quintic_spline,
     through,
 )
+from mechsim.numerics.newton import roots
 
 CUBIC = Polynomial([0.3, -1.0, 0.5, 2.0])
 RANDOM = np.random.default_rng(3)
@@ -58,6 +59,19 @@ def test_a_parameter_at_a_junction_belongs_to_the_next_polynomial():
     assert pieces.segment_at(1.0 - 1e-9) is pieces.segment_at(-3.0) is forward
     result = {id(segment): index.tolist() for segment, index in pieces.groups(np.array([1.2, 0.1, 1.0]))}
     assert result == {id(forward): [1], id(backward): [0, 2]}
+
+
+def test_one_component_of_each_parameter_has_roots_of_its_own():
+    nodes = nodes_between(0.0, 2.0, 3)[0]
+    pieces = Piecewise(
+        [through(nodes + low, np.stack([nodes + low - 1.0, 3.0 - nodes - low], 1)) for low in (0.0, 2.0)]
+    )
+    assert pieces.components(np.array([3.5, 0.5, 0.5]), np.array([0, 1, 0])) == pytest.approx(
+        [2.5, 2.5, -0.5]
+    )
+    columns = np.array([1, 0])
+    found = roots(pieces.components, np.array([2.5, 0.2]), np.array([3.7, 1.7]), columns)
+    assert found == pytest.approx([3.0, 1.0], abs=1e-14)
 
 
 def test_piecewise_polynomials_keep_the_order_of_parameters():

@@ -11,6 +11,7 @@ from mechsim.numerics.rank import (
     pseudo_inverse,
     rank,
     significant,
+    singular_values,
 )
 
 # rotations, so that the singular values are those of the diagonal matrix; neither is symmetric
@@ -94,3 +95,8 @@ def test_rows_of_zeros_do_not_count_in_large_matrices():
     matrix[7] = matrix[3] + matrix[100]
     assert rank(matrix) == 3
     assert null_space(matrix).shape == (2, 5)
+    # as many singular values as of the whole matrix, also where fewer rows are not zero
+    values = np.sqrt([3.0, 1.0, 1.0, 0.0, 0.0])
+    assert singular_values(matrix) == pytest.approx(values, abs=1e-15)
+    matrix[7] = 0.0
+    assert singular_values(matrix[None])[0].tolist() == [1.0, 1.0, 1.0, 0.0, 0.0]

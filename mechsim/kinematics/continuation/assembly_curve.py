@@ -4,23 +4,24 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import groupby
+from operator import attrgetter
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from mechsim.kinematics.continuation.free_loops import FreeLoops
 from mechsim.kinematics.continuation.segments import MIN_DISTANCE_FROM_BRANCH_POINT, NODES, TracedCurve
 from mechsim.kinematics.loops.kinematics import LinkPoses, link_poses
 from mechsim.kinematics.loops.tree import SpanningTree
-from mechsim.mechanism.joint_kinds import KINDS
-from mechsim.mechanism.joints import joint_coordinate
-from mechsim.mechanism.links import GROUND, IDENTITY, Pose
+from mechsim.mechanism.joint_kinds import KINDS, Kind, KindName, coordinates
+from mechsim.mechanism.joints import Joint
+from mechsim.mechanism.links import GROUND, Pose
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.motion import short_repr
 from mechsim.numerics.arrays import REVOLUTION, ROUNDING, Array, numbers, wrapped
 from mechsim.numerics.collocation import Interpolant, Piecewise
-from mechsim.numerics.newton import root
+from mechsim.numerics.newton import roots
 
 Extremum = Literal["highest", "lowest"]
 # arcs in a segment at which rates are checked for a change of sign
@@ -57,12 +58,55 @@ def joint_columns(mechanism: Mechanism) -> tuple[JointColumn, ...]:
     return tuple(columns)
 
 
-def read_joints(tree: SpanningTree, poses: LinkPoses) -> Array:
-    """Return the coordinates of all joints at n poses, (n, columns) in SI; angles in (-pi, pi]."""
-    by_link = {GROUND: IDENTITY, **poses.by_link(tree.index)}
-    joints = [joint for joint in tree.original.joints if KINDS[joint.kind].units]
-    values = [joint_coordinate(joint, by_link[joint.a.link], by_link[joint.b.link]) for joint in joints]
-    return np.concatenate(values, 1)
+@dataclass(frozen=True, slots=True)
+class LikeJoints:
+    """Joints of a kind and a cross angle.
+
+    Attributes:
+        kind: their kind.
+        cross_angle: angle between crossed axes, in [rad].
+        columns: their coordinates among those of all joints, (k, coordinates).
+        links: index of the link of either side, the ground's is -1, (2, k).
+        points: points of both sides in their links, (2, k, 3) in [m].
+        frames: joint frames of both sides in their links, (2, k, 3, 3).
+    """
+
+    kind: Kind
+    cross_angle: float
+    columns: NDArray[np.intp]
+    links: NDArray[np.intp]
+    points: Array
+    frames: Array
+
+    def coordinates(self, position: Array, rotation: Array) -> Array:
+        """Return their coordinates at n poses of all links, (k, n, coordinates) in SI."""
+        points, frames = list[Array](), list[Array]()
+        for links, point, frame in zip(self.links, self.points, self.frames, strict=True):
+            own = rotation[links]
+            points.append(position[links] + (own @ point[:, None, :, None])[..., 0])
+            frames.append(own @ frame[:, None])
+        return coordinates(self.kind, points[1] - points[0], frames[0], frames[1], self.cross_angle)
+
+
+def like_joints(tree: SpanningTree) -> list[LikeJoints]:
+    """Return the joints with coordinates, those of a kind together."""
+    groups, columns = dict[tuple[KindName, float], list[tuple[Joint, range]]](), 0
+    for joint in tree.original.joints:
+        own = range(columns, columns + len(KINDS[joint.kind].units))
+        if own:
+            groups.setdefault((joint.kind, joint.cross_angle), []).append((joint, own))
+        columns = own.stop
+    index = {GROUND: -1, **tree.index}
+    like: list[LikeJoints] = []
+    for (kind, cross_angle), pairs in groups.items():
+        sides = [[joint.a for joint, _ in pairs], [joint.b for joint, _ in pairs]]
+        links, points, frames = (
+            np.array([[read(end) for end in ends] for ends in sides])
+            for read in (lambda end: index[end.link], lambda end: end.point, lambda end: end.frame)
+        )
+        own_columns = np.array([own for _, own in pairs], dtype=np.intp)
+        like.append(LikeJoints(KINDS[kind], cross_angle, own_columns, links, points, frames))
+    return like
 
 
 @dataclass(frozen=True)
@@ -88,13 +132,28 @@ class CurveJoints:
         return np.array([column.unit == "rad" for column in self.columns], dtype=np.float64)
 
     @cached_property
+    def _like(self) -> list[LikeJoints]:
+        return like_joints(self.tree)
+
+    def read(self, poses: LinkPoses) -> Array:
+        """Return the coordinates at n poses, (n, columns) in SI; angles in (-pi, pi]."""
+        n = poses.position.shape[2]
+        position = np.concatenate([poses.position.transpose(0, 2, 1), np.zeros((1, n, 3))])
+        ground = np.broadcast_to(np.eye(3), (1, n, 3, 3))
+        rotation = np.concatenate([poses.rotation.transpose(0, 3, 1, 2), ground])
+        values = np.empty((n, len(self.columns)))
+        for like in self._like:
+            values[:, like.columns] = like.coordinates(position, rotation).swapaxes(0, 1)
+        return values
+
+    @cached_property
     def tables(self) -> Piecewise[Interpolant]:
         """Their polynomials."""
         tables: list[Interpolant] = []
         last: Array | None = None
         angles = self.angular > 0.0
         for segment in self.traced.segments:
-            values = read_joints(self.tree, link_poses(self.tree, segment.coordinates))
+            values = self.read(link_poses(self.tree, segment.coordinates))
             values[:, angles] = np.unwrap(values[:, angles], axis=0)
             if last is not None:
                 values += self.angular * REVOLUTION * np.round((last - values[0]) / REVOLUTION)
@@ -125,27 +184,28 @@ class CurveJoints:
 
         Accuracy: of the arcs about 1e-9.
         """
-        turns: list[tuple[int, Extremum, float]] = []
-        # arcs over the whole curve, and values and rates there, (n, columns)
-        chunks: list[tuple[Array, Array, Array]] = []
+        # arcs over the whole curve, where the coordinates rise, (n, columns), and their bounds
+        grids, signs = list[Array](), list[NDArray[np.bool_]]()
+        lowest, highest = np.full((2, len(self.columns)), [[np.inf], [-np.inf]])
         for table, rate in zip(self.tables.segments, self.rates.segments, strict=True):
             grid = np.linspace(table.low, table.high, SAMPLES, endpoint=False)
             grid = grid[grid < self.traced.length]
-            chunks.append((grid, table.evaluate(grid), rate.evaluate(grid)))
-        grid, values, rates = (np.concatenate(column) for column in zip(*chunks, strict=True))
+            values = table.evaluate(grid)
+            lowest, highest = np.minimum(lowest, values.min(0)), np.maximum(highest, values.max(0))
+            grids.append(grid)
+            signs.append(rate.evaluate(grid) > 0.0)
+        grid, rising = np.concatenate(grids), np.concatenate(signs)
         units = np.where(self.angular > 0.0, 1.0, self.tree.mechanism.characteristic_length)
-        for i in np.flatnonzero(np.ptp(values, axis=0) > ROUNDING * units).tolist():
-            rising = rates[:, i] > 0.0
-
-            def rate_at(arc: float, column: int = i) -> float:
-                return float(self.rates.segment_at(arc).value_at(arc)[column])
-
-            # the curve is closed: the last sample is followed by the first
-            for k in np.flatnonzero(rising != np.roll(rising, -1)).tolist():
-                low, high = float(grid[k]), float(grid[k + 1]) if k + 1 < len(grid) else self.traced.length
-                arc = root(rate_at, low, high) if rate_at(low) * rate_at(high) < 0.0 else high
-                turns.append((i, "highest" if rising[k] else "lowest", arc))
-        return turns
+        moving = np.flatnonzero(highest - lowest > ROUNDING * units)
+        # the curve is closed: the last sample is followed by the first
+        own, sample = np.nonzero((rising != np.roll(rising, -1, axis=0))[:, moving].T)
+        columns, low, arcs = moving[own], grid[sample], np.append(grid[1:], self.traced.length)[sample]
+        between = self.rates.components(low, columns) * self.rates.components(arcs, columns) < 0.0
+        arcs[between] = roots(self.rates.components, low[between], arcs[between], columns[between])
+        return [
+            (i, "highest" if rising[k, i] else "lowest", arc)
+            for i, k, arc in zip(columns.tolist(), sample.tolist(), arcs.tolist(), strict=True)
+        ]
 
 
 @dataclass(frozen=True, slots=True)
@@ -264,9 +324,13 @@ class AssemblyCurve:
         """Return turning points from the index of the column, the kind and the arc of each."""
         if not turns:
             return []
-        poses, names = self.poses_at([arc for _, _, arc in turns]), self._names
+        arcs, names = np.array([arc for _, _, arc in turns]), self._names
+        joints = np.empty((len(arcs), len(names)))
+        for rows, own, _ in self._corrected(arcs):
+            joints[rows] = own
+        angles = joints[:, self._driver].tolist()
         return [
-            TurningPoint(names[i], which, float(poses.joints[names[i]][k]), arc, float(poses.angle[k]))
+            TurningPoint(names[i], which, float(joints[k, i]), arc, angles[k])
             for k, (i, which, arc) in enumerate(turns)
         ]
 
@@ -304,25 +368,30 @@ class AssemblyCurve:
         Accuracy: loop residuals at rounding level; within 2e-3 of a branch point 1e-11 of the size.
         """
         arcs = np.atleast_1d(numbers(arc))
-        tree, chunks, order = self.loops.loops.tree, [], []
+        tree, chunks = self.loops.loops.tree, [*self._corrected(arcs)]
+        back = np.argsort(np.concatenate([rows for rows, _, _ in chunks]))
+        joints = np.concatenate([own for _, own, _ in chunks])[back]
+        position, rotation = (
+            np.concatenate([component(placed) for _, _, placed in chunks], -1)[..., back]
+            for component in (attrgetter("position"), attrgetter("rotation"))
+        )
+        poses = LinkPoses(position, rotation, np.empty(0)).by_link(tree.index)
+        named = {column.name: joints[:, i] for i, column in enumerate(self.joints.columns)}
+        moving = [(name, owner) for name, owner in self.mechanism.points.items() if owner[0] != GROUND]
+        points = {name: poses[link].point(local) for name, (link, local) in moving}
+        return CurvePoses(arcs, named[self.driver.name], named, poses, points, self.driver.unit == "rad")
+
+    def _corrected(self, arcs: Array) -> Iterator[tuple[NDArray[np.intp], Array, LinkPoses]]:
+        """Yield indices of arcs, the joints' coordinates there, (n, columns), and the poses."""
         for segment, rows in self.traced.groups(arcs):
             singular = np.zeros(len(rows), dtype=np.bool_)
             for branch_point in self.branch_points:
                 singular |= np.abs(arcs[rows] - branch_point) < MIN_DISTANCE_FROM_BRANCH_POINT
             placed = self.loops.corrected(segment.solver, segment.evaluate(arcs[rows]), singular)
             interpolated = self.joints.tables.evaluate(arcs[rows])
-            joints = read_joints(tree, placed)
+            joints = self.joints.read(placed)
             joints += self.joints.angular * REVOLUTION * np.round((interpolated - joints) / REVOLUTION)
-            chunks.append((joints, placed.position, placed.rotation))
-            order.append(rows)
-        back = np.argsort(np.concatenate(order))
-        joints = np.concatenate([chunk[0] for chunk in chunks])[back] + self._revolution_offsets
-        position, rotation = (np.concatenate([chunk[k] for chunk in chunks], -1)[..., back] for k in (1, 2))
-        poses = LinkPoses(position, rotation, np.empty(0)).by_link(tree.index)
-        named = {column.name: joints[:, i] for i, column in enumerate(self.joints.columns)}
-        moving = [(name, owner) for name, owner in self.mechanism.points.items() if owner[0] != GROUND]
-        points = {name: poses[link].point(local) for name, (link, local) in moving}
-        return CurvePoses(arcs, named[self.driver.name], named, poses, points, self.driver.unit == "rad")
+            yield rows, joints + self._revolution_offsets, placed
 
     def samples(self, count: int) -> CurvePoses:
         """Return the poses at `count` arcs, evenly spaced over the closed curve, both ends included."""

@@ -146,6 +146,8 @@ def split_motion(loops: TreeLoops, poses: LinkPoses, free: Array) -> tuple[Array
 
 # a branch point has a singular value below this fraction of the largest, and a residual of at most this
 SINGULAR_RATIO, MAX_RESIDUAL = 1e-7, 2e-13
+# relative error of the singular values of nodes, which only show where to search for a branch point
+NODE_ERROR = 1e-4
 # Newton's method from the prediction of a node, to rounding; and two steps from a pose that is interpolated
 CORRECTOR = NewtonSettings(tolerance=1e-15, max_displacement=NEARBY.max_displacement)
 FINAL = NewtonSettings(max_iterations=2, last_step=0.0)
@@ -278,7 +280,8 @@ class FreeLoops:
 
     def close(self, solver: TreeSolver, guess: Coordinates) -> CorrectedNodes | None:
         """Return a guess corrected perpendicular to the curve; None where Newton's method fails."""
-        length = solver.linearise(guess).rhs[:, self.rank].copy()
+        reference = solver.reference.repeated(len(guess))
+        length = self.loops.along(guess, reference, solver.null_space)[0][:, 0]
         try:
             result = newton(PlacedNodes(solver, self.rank, length), guess, CORRECTOR)
         except np.linalg.LinAlgError:
@@ -294,7 +297,7 @@ class FreeLoops:
         except np.linalg.LinAlgError:
             return None
         rates = self.features.rates(system.poses, all_rates(self.loops, along))
-        features, least = self.features.values(system.poses), system.smallest_of_all(self.rank)
+        features, least = self.features.values(system.poses), system.smallest_of_all(self.rank, NODE_ERROR)
         return CorrectedNodes(coordinates, features, rates, along, length, least, system.determinant[0])
 
     def corrected(self, solver: TreeSolver, rows: Array, singular: NDArray[np.bool_]) -> LinkPoses:

@@ -128,13 +128,6 @@ class TracedCurve(Piecewise[CurveSegment]):
     length: float
     branch_points: tuple[float, ...]
 
-    @cached_property
-    def nodes(self) -> tuple[Array, Array]:
-        """Arcs of all nodes, (n,), and the features of their poses, (n, 3 k)."""
-        pairs = [(segment.nodes, segment.features.states) for segment in self.segments]
-        arcs, features = (np.concatenate(column) for column in zip(*pairs, strict=True))
-        return arcs, features
-
 
 def trace_curve(
     loops: FreeLoops,

@@ -42,6 +42,7 @@ from mechsim.numerics.loop_solver import LoopSolver
 if TYPE_CHECKING:
     from mechsim.mechanism.design_arrays import Ends
     from mechsim.numerics.banded import Band, SparseMatrices
+    from mechsim.numerics.damped_band import NormalBand
 
 
 @dataclass(frozen=True)
@@ -402,10 +403,30 @@ class TreeLoops:
         residual, blocks = self._evaluated(q, poses)
         # free bodies have no equations
         values = np.concatenate([np.zeros((0, len(q))), *(block.reshape(-1, len(q)) for block in blocks)])
+        return residual, SparseMatrices(*self._positions, values, (self.rows, self.count)), poses
+
+    @cached_property
+    def _positions(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Row and column of each entry of a sparse Jacobian, (e,) each."""
         none = np.zeros(0, np.intp)
         pairs = [(none, none), *(np.broadcast_arrays(*entries) for entries in self._entries)]
         rows, columns = (np.concatenate([pair[i].ravel() for pair in pairs]) for i in (0, 1))
-        return residual, SparseMatrices(rows, columns, values, (self.rows, self.count)), poses
+        return rows, columns
+
+    @cached_property
+    def normal_band(self) -> NormalBand | None:
+        """Order in which the normal equations of the unknowns are banded; None for a wide band."""
+        from mechsim.numerics.banded import SparseMatrices
+        from mechsim.numerics.damped_band import normal_band
+
+        rows, columns = self._positions
+        pattern = SparseMatrices(rows, columns, np.empty((len(rows), 0)), (self.rows, self.count))
+        return normal_band(pattern, self.unknown)
+
+    @cached_property
+    def one_sense(self) -> TreeLoops:
+        """The equations with residuals that vanish for parallel axes of one sense only."""
+        return replace(self, cuts=tuple(replace(cut, one_sense=True) for cut in self.cuts))
 
     @cached_property
     def bands(self) -> dict[bytes, tuple[NDArray[np.intp], Band | None]]:

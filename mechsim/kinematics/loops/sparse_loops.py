@@ -1,6 +1,6 @@
 """Loop equations of many coordinates as sparse systems, for steps of least norm, null spaces, multipliers."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -10,7 +10,7 @@ from mechsim.kinematics.loops.kinematics import Coordinates, LinkPoses
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.banded import LeastNormSystems, SparseMatrices, least_norm_systems
 from mechsim.numerics.loop_solver import LoopSystem
-from mechsim.numerics.rank import least_norm
+from mechsim.numerics.rank import RANK_TOLERANCE, least_norm
 
 
 def loop_systems(
@@ -36,12 +36,14 @@ class SparseStep:
         q: the configurations.
         rhs: residuals, (n, rows).
         systems: the equations that are not zero; None if they are not banded.
+        tolerance: fraction of the largest singular value below which others are zero in dense equations.
     """
 
     loops: TreeLoops
     q: Coordinates
     rhs: Array
     systems: LeastNormSystems | None
+    tolerance: float = RANK_TOLERANCE
 
     @property
     def matrix(self) -> Array:
@@ -51,21 +53,26 @@ class SparseStep:
     def solution(self, right: Array, /) -> Array:
         """Return the solutions of least norm, (n, unknowns), of right sides (n, rows)."""
         if self.systems is None:
-            return least_norm(self.matrix, right)
+            return least_norm(self.matrix, right, self.tolerance)
         steps, valid = self.systems.least_norm(right[:, self.systems.rows])
         if not valid.all():
-            others = SparseStep(self.loops, self.q.select(~valid), right[~valid], None)
+            others = replace(self, q=self.q.select(~valid), rhs=right[~valid], systems=None)
             steps[~valid] = others.solution(right[~valid])
         return steps
 
 
 @dataclass(frozen=True)
 class SparseLoops(LoopSystem[Coordinates]):
-    """Loop equations for `newton.newton`, whose steps are of least norm."""
+    """Loop equations for `newton.newton`, whose steps are of least norm.
+
+    Attributes:
+        tolerance: as that of the steps.
+    """
 
     loops: TreeLoops
+    tolerance: float = RANK_TOLERANCE
 
     def linearise(self, q: Coordinates, /) -> Any:
         """Return the equations linearised about n configurations."""
         residual, systems = loop_systems(self.loops, q)
-        return SparseStep(self.loops, q, residual.T, systems)
+        return SparseStep(self.loops, q, residual.T, systems, self.tolerance)

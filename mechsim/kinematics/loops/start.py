@@ -19,7 +19,7 @@ from mechsim.mechanism.mechanism import Mechanism
 from mechsim.numerics.arrays import REVOLUTION, Array
 from mechsim.numerics.loop_solver import MIN_UNKNOWNS, LoopSystem
 from mechsim.numerics.newton import NewtonResult, NewtonSettings, newton, square_solution
-from mechsim.numerics.rank import SPARSE, least_norm, rank, right_vectors, significant
+from mechsim.numerics.rank import RANK_TOLERANCE, SPARSE, least_norm, rank, right_vectors, significant
 
 # largest residual of closed loops, in radians and characteristic lengths
 CLOSED = 1e-12
@@ -35,18 +35,20 @@ ASSEMBLY = NewtonSettings(
 
 
 def close_nearest(
-    loops: TreeLoops, q: Coordinates, settings: NewtonSettings = ASSEMBLY
+    loops: TreeLoops, q: Coordinates, settings: NewtonSettings = ASSEMBLY, tolerance: float = RANK_TOLERANCE
 ) -> tuple[Coordinates, Array]:
     """Return configurations in which the loops close nearest to n given ones, and their residuals, (n,).
 
-    Prescribed coordinates do not change. Residuals are in radians and characteristic lengths.
+    Prescribed coordinates do not change. Residuals are in radians and characteristic lengths. Singular values
+    below a fraction of the largest, the tolerance, count as zero.
     """
     if len(loops.unknown) >= SPARSE and loops.rows:
         from mechsim.kinematics.loops.sparse_loops import SparseLoops
 
-        many = newton(SparseLoops(loops, loops.unknown), q, settings)
+        many = newton(SparseLoops(loops, loops.unknown, tolerance), q, settings)
         return many.q, many.residual
-    result = newton(LoopSystem(loops, loops.unknown), q, settings, least_norm)
+    system = LoopSystem(loops, loops.unknown)
+    result = newton(system, q, settings, lambda matrix, right: least_norm(matrix, right, tolerance))
     return result.q, result.residual
 
 
@@ -192,23 +194,21 @@ def poses_around_branch_point(loops: TreeLoops, q: Coordinates) -> Coordinates:
 
 def all_closed(loops: TreeLoops, q: Coordinates) -> Coordinates:
     """Return configurations closed from approximate ones, without those that do not close."""
-    one_sense = replace(loops, cuts=tuple(replace(cut, one_sense=True) for cut in loops.cuts))
-    result = _approached(one_sense, q)
+    result = _approached(loops.one_sense, q)
     q = result.q.select(result.residual < NEARLY_CLOSED)
     if len(q):
-        system = LoopSystem(loops, loops.unknown)
-        polished = newton(system, q, POLISH, lambda matrix, right: least_norm(matrix, right, STEP_CUTOFF))
-        q = polished.q.select(polished.residual < CLOSED)
+        q, residual = close_nearest(loops, q, POLISH, STEP_CUTOFF)
+        q = q.select(residual < CLOSED)
     return q.select(axes_aligned(loops, q))
 
 
 def _approached(loops: TreeLoops, q: Coordinates) -> NewtonResult[Coordinates, Any]:
     """Return configurations after damped Gauss-Newton steps; those of many unknowns are solved in a band."""
     if len(q) and len(loops.unknown) >= MIN_UNKNOWNS:
-        from mechsim.numerics.damped_band import damped_loops
+        from mechsim.numerics.damped_band import DampedLoops
 
-        if (system := damped_loops(loops, q, _damping)) is not None:
-            return newton(system, q, APPROACH)
+        if (normal := loops.normal_band) is not None:
+            return newton(DampedLoops(loops, loops.unknown, normal, _damping), q, APPROACH)
     return newton(LoopSystem(loops, loops.unknown), q, APPROACH, _damped)
 
 
