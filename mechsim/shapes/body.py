@@ -230,7 +230,7 @@ def free_sides(mechanism: Mechanism, poses: Mapping[str, Pose]) -> dict[str, flo
         for ground, moving in ((joint.a, joint.b), (joint.b, joint.a)):
             if not KINDS[joint.kind].pivot or KINDS[joint.kind].ball or ground.link != GROUND:
                 continue
-            gaps = dict[float, float]()
+            gaps, placed = dict[float, float](), dict[str, Array]()
             for side in (-1.0, 1.0):
                 along = np.linspace(0.25, 1.0, 5)[:, None] * reach * side
                 shaft = np.asarray(ground.point) + along * np.asarray(ground.axis)
@@ -242,7 +242,9 @@ def free_sides(mechanism: Mechanism, poses: Mapping[str, Pose]) -> dict[str, flo
                     if least[i] > smallest:
                         break
                     link = names[others[i]]
-                    smallest = min(smallest, _gap(shaft, poses[link], rods[link]))
+                    if link not in placed:
+                        placed[link] = _placed(poses[link], rods[link])
+                    smallest = min(smallest, _gap(shaft, placed[link]))
                 gaps[side] = smallest if others else 0.0
             middle = np.array([end.point for end in mechanism.ends(GROUND)]).mean(0)
             inward = float((middle - np.asarray(ground.point)) @ np.asarray(ground.axis))
@@ -262,12 +264,18 @@ def _ball(pose: Pose, rods: Array) -> tuple[Array, float]:
     return middle, float(own + moved) * (1.0 + 1e-9)
 
 
-def _gap(points: Array, pose: Pose, rods: Array) -> float:
-    """Return the smallest distance between points, (k, 3), and rods in all poses of their link."""
+def _placed(pose: Pose, rods: Array) -> Array:
+    """Return the points of rods in all poses of their link, (3, n)."""
     local = rods.reshape(-1, 3) if rods.size else np.zeros((1, 3))
     rotation, position = np.atleast_3d(pose.rotation).reshape(-1, 3, 3), pose.position.reshape(-1, 1, 3)
-    moved = (position + local @ np.swapaxes(rotation, -1, -2)).reshape(-1, 1, 3)
-    return float(np.sqrt(((moved - points) ** 2).sum(-1)).min())
+    moved = position + local @ np.swapaxes(rotation, -1, -2)
+    return np.ascontiguousarray(moved.reshape(-1, 3).T)
+
+
+def _gap(points: Array, others: Array) -> float:
+    """Return the smallest distance between points, (k, 3), and others, (3, n)."""
+    squares = sum((own[:, None] - other) ** 2 for own, other in zip(points.T, others, strict=True))
+    return float(np.sqrt(np.min(squares)))
 
 
 def planar_normals(mechanism: Mechanism) -> dict[str, Array] | None:

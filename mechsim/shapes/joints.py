@@ -1,6 +1,6 @@
 """Shapes of each kind of joint: eyes and pins, shafts in bearings, blocks on rails, balls, crosses."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -207,9 +207,13 @@ def link_shapes(
         outward = free_sides(mechanism, {GROUND: GROUND_POSE, **mechanism.guess})
     canvas = Canvas(mechanism, dict(travel or {}), dict(outward))
     hidden = hidden_links(mechanism)
-    bodies = [link.name for link in mechanism.links if link.name not in hidden]
-    for link in bodies:
-        _body(canvas, link, hidden)
+    links = [link for link in mechanism.links if link.name not in hidden]
+    bodies, joined = [link.name for link in links], dict[str, list[Joint]]()
+    for joint in mechanism.joints:
+        for name in {*joint.links}:
+            joined.setdefault(name, []).append(joint)
+    for link in links:
+        _body(canvas, link, joined.get(link.name, []), hidden)
     for joint in mechanism.joints:
         if joint.kind in DRAW and {*joint.links} <= {GROUND, *bodies}:
             DRAW[joint.kind](canvas, joint)
@@ -252,15 +256,14 @@ def _platform(points: Array, radius: float, colour: Rgba) -> list[Shape]:
     return [plate_of(edge, 0.6 * radius * axes[2], colour)]
 
 
-def _body(canvas: Canvas, link: str, hidden: set[str]) -> None:
-    """Draw rods between the points of a link, and an eye where there is no joint.
+def _body(canvas: Canvas, row: Link, joints: Sequence[Joint], hidden: set[str]) -> None:
+    """Draw rods between the points of a link with its joints, and an eye where there is no joint.
 
     A link of slides through one point, such as that of an Oldham coupling, is a disc.
     """
+    link = row.name
     positions, colour, lift = stations(canvas.mechanism, link), canvas.colours[link], canvas.lift_of(link)
-    joints = [joint for joint in canvas.mechanism.joints if link in joint.links]
     own = [joint for joint in joints if not hidden.intersection(joint.links)]
-    (row,) = (row for row in canvas.mechanism.links if row.name == link)
     bars = edges(positions)
     if row.polygon:
         bars = _polygon(canvas, row)

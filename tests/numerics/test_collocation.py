@@ -70,8 +70,8 @@ def test_one_component_of_each_parameter_has_roots_of_its_own():
         [2.5, 2.5, -0.5]
     )
     columns = np.array([1, 0])
-    found = roots(pieces.components, np.array([2.5, 0.2]), np.array([3.7, 1.7]), columns)
-    assert found == pytest.approx([3.0, 1.0], abs=1e-14)
+    solutions = roots(pieces.components, np.array([2.5, 0.2]), np.array([3.7, 1.7]), columns)
+    assert solutions == pytest.approx([3.0, 1.0], abs=1e-14)
 
 
 def test_piecewise_polynomials_keep_the_order_of_parameters():

@@ -2,7 +2,7 @@
 
 import base64
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from functools import cache
 from pathlib import Path
@@ -104,7 +104,7 @@ def _data(view: View) -> dict[str, Any]:
     return {
         "name": mechanism.name,
         "radius": radius,
-        "bodies": {link: [_solid(shape) for shape in shapes[link]] for link in shapes},
+        "bodies": _bodies(shapes),
         "joints": _joints(mechanism),
         "points": [
             {"name": name, "link": link, "at": local, "colour": colours[name][:3]}
@@ -155,13 +155,21 @@ def _some_poses(mechanism: Mechanism, grids: Sequence[PoseGrid]) -> dict[str, Po
     return poses
 
 
-def _solid(shape: Shape) -> dict[str, Any]:
+def _bodies(shapes: Mapping[str, Sequence[Shape]]) -> dict[str, Any]:
+    """Return link -> its solids."""
+    frames = [shape.frame for own in shapes.values() for shape in own if shape.facets is None]
+    turns = iter(quaternions(np.reshape(frames, (-1, 3, 3))))
+    return {link: [_solid(shape, turns) for shape in own] for link, own in shapes.items()}
+
+
+def _solid(shape: Shape, turns: Iterator[Array]) -> dict[str, Any]:
+    """Return a solid; one without facets takes the next quaternion."""
     solid = {"kind": shape.kind}
     if shape.facets is not None:
         solid |= {"at": [0.0, 0.0, 0.0], "turn": [1.0, 0.0, 0.0, 0.0], "half": []}
         solid |= {"vertices": _packed(shape.facets.vertices), "faces": _packed(shape.facets.faces, "<u4")}
     else:
-        solid |= {"at": _short(shape.centre), "turn": _short(quaternions(shape.frame))}
+        solid |= {"at": _short(shape.centre), "turn": _short(next(turns))}
         solid |= {"half": _short(shape.half_sizes)}
     return solid | {"rgba": _short(shape.rgba, 3)}
 

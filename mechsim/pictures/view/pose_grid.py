@@ -185,7 +185,9 @@ def motion_grid(
     nodes = motion.angle if nodes is None else nodes
     poses = moved_links(mechanism, motion)
     position = {name: pose.position for name, pose in poses.items()}
-    quaternion = {name: quaternions(pose.rotation) for name, pose in poses.items()}
+    turns = quaternions(np.concatenate([pose.rotation for pose in poses.values()]))
+    ends = np.cumsum([len(pose.rotation) for pose in poses.values()])
+    quaternion = dict(zip(poses, np.split(turns, ends[:-1]), strict=True))
     slider = Slider(
         driver, unit, nodes, returns_to_start(mechanism, motion), float(nodes[0]), tuple(landmarks)
     )
