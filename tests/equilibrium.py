@@ -77,7 +77,6 @@ def largest_imbalance(
     )
     worst = 0.0
     for link in mechanism.links:
-        assert link.inertia is not None
         centre = posture.point(link.name, link.inertia.centre)
         force, moment = _inertial(posture, link.name, link.inertia)
         for item in every:
@@ -94,7 +93,6 @@ def actions(mechanism: Mechanism, forces: Forces, motion: Motion, record: ForceR
     """Yield all actions on the links, described and reported."""
     posture, instants = Posture(motion), (motion.angle, motion.time)
     for link in mechanism.links:
-        assert link.inertia is not None
         weight = link.inertia.mass * np.asarray(forces.gravity)
         centre = posture.point(link.name, link.inertia.centre)
         yield Action(f"weight of {link.name}", link.name, None, weight, centre)

@@ -5,13 +5,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from model_files import stated_mechanism
 
 import mechsim as ms
-from mechsim.kinematics.loops.constraints import tree_loops
 from mechsim.kinematics.loops.mobility import checked_start
-from mechsim.numerics.loop_solver import NEARBY, Linearised, LoopSolver, loop_solver
-from mechsim.numerics.newton import NewtonSettings, newton
+from mechsim.numerics.loop_solver import Linearised, LoopSolver, loop_solver
 from mechsim.numerics.path_segments import PathStates
 
 # differences of the fourth order
@@ -61,33 +58,6 @@ def test_the_solver_matrix_is_the_jacobian_of_its_residual(distance):
         assert total / STEP == pytest.approx(result[:, column], abs=1e-10)
 
 
-def test_an_undetermined_slide_keeps_its_scaled_displacement():
-    mechanism = stated_mechanism("loop_solver_slide.toml")
-    loops, q = tree_loops(mechanism, {name: ms.Pose(np.zeros(3), np.eye(3)) for name in ("arm", "block")}, {})
-    solver = loop_solver(loops, q)
-    assert len(solver.rows) == 0
-    assert solver.nullity == 1
-    step = np.zeros((loops.tree.count, 1))
-    step[loops.unknown] = 0.25
-    moved = loops.displaced(q, step)
-    assert moved.values[loops.unknown, 0] - q.values[loops.unknown, 0] == pytest.approx(
-        0.25 * mechanism.characteristic_length
-    )
-    result = solver.linearise(moved)
-    assert result.rhs[0] == pytest.approx([0.25])
-    assert solver.share(result).tolist() == [1.0]
-
-
-def test_undetermined_dofs_keep_their_initial_values():
-    loops, start = rssr()
-    loops = replace(loops, driven=())
-    q, _ = perturbed(loops, start, 0.2)
-    assert np.abs(q.values).max() > 0.1
-    solver = loop_solver(loops, q)
-    assert solver.nullity == 2
-    assert np.abs(solver.linearise(q).rhs[0, len(solver.rows) :]).max() < 1e-15
-
-
 @pytest.mark.parametrize("fraction", [0.0, 0.19, 0.39, 0.41, 0.49, 0.51, 1.0])
 def test_equation_selection_requires_a_minimum_rank_margin(fraction):
     # singular values of all equations are 8, 4 and 2; the first three equations keep a fraction of the last
@@ -101,38 +71,6 @@ def test_equation_selection_requires_a_minimum_rank_margin(fraction):
     assert reported == [fraction > 0.4, fraction > 0.5]
     # a Jacobian of zero has the ratio one
     assert solver.share(result) == pytest.approx([fraction, 1.0], abs=1e-15)
-
-
-def test_redundant_equations_are_not_selected():
-    loops, start = six_bar()
-    solver = loop_solver(loops, start)
-    assert all(solver.adequate(solver.linearise(start)))
-    redundant = next(row for row in range(loops.rows) if row not in solver.rows)
-    rows = np.sort([*solver.rows[1:], redundant])
-    other = LoopSolver(loops, rows, solver.null_space, start)
-    assert not any(other.adequate(other.linearise(start)))
-
-
-def test_newton_converges_to_rounding_and_reports_its_displacement():
-    loops, start = six_bar()
-    solver = loop_solver(loops, start)
-    guess, step = perturbed(loops, start, 0.02)
-    closed = newton(solver, guess, NEARBY)
-    assert np.abs(closed.linearised.residual).max() < 4e-16
-    assert closed.q.values == pytest.approx(start.values, abs=1e-14)
-    assert np.abs(step).max() <= closed.displacement[0] < 2.0 * np.abs(step).max()
-
-
-@pytest.mark.parametrize("make", [rssr, six_bar])
-def test_poses_converge_without_verifying_the_last_step(make):
-    loops, start = make()
-    path, tolerance = PathStates(loops, lambda _: start.values[list(loops.driven)]), 1e-12
-    guess, _ = perturbed(loops, start, 5e-5)
-    nodes = path.closed(loop_solver(loops, start), np.zeros(1), path.loops.flat(guess), tolerance)
-    q, result = path.unflat(nodes.states, np.zeros(1)), nodes.linearised
-    assert not np.array_equal(result.poses.rotation, loops.linearise(q)[2].rotation)
-    assert np.abs(loops.linearise(q)[0]).max() < tolerance
-    assert np.abs(result.residual).max() < tolerance
 
 
 def test_violated_redundant_equations_are_detected():
@@ -181,37 +119,6 @@ def test_a_wrong_null_space_basis_is_rejected():
     assert all(solver.adequate(solver.at_reference))
     assert not any(other.adequate(other.at_reference))
     assert other.share(other.at_reference) < 1e-12
-
-
-def test_a_new_null_space_basis_follows_the_previous_one():
-    loops, q = rssr()
-    loops = replace(loops, driven=())
-    gauge = loop_solver(loops, q).null_space
-    before = np.array([[0.6, -0.8], [0.8, 0.6]]) @ gauge
-    assert loop_solver(loops, q, before).null_space == pytest.approx(before, abs=1e-13)
-    assert loop_solver(loops, q, before[:1]).null_space == pytest.approx(gauge, abs=1e-13)
-
-
-def test_a_step_with_a_large_second_order_error_is_verified():
-    loops, start = six_bar()
-    solver = loop_solver(loops, start)
-    guess, _ = perturbed(loops, start, 5e-5)
-    result = solver.linearise(guess)
-    step = np.abs(solver.step(result.matrix, result.rhs))
-    # rotations add up along a chain: the second-order error is the square of their sum, not of the largest
-    tolerance = (0.5 * (step.max() + step.sum())) ** 2
-    verified, unverified = (
-        newton(solver, guess, NewtonSettings(tolerance=limit, verify=False))
-        for limit in (tolerance, 1.1 * step.sum() ** 2)
-    )
-    assert verified.unverified is None
-    np.testing.assert_array_equal(
-        verified.linearised.poses.rotation, solver.linearise(verified.q).poses.rotation
-    )
-    assert unverified.unverified is not None
-    assert not np.array_equal(
-        unverified.linearised.poses.rotation, solver.linearise(unverified.q).poses.rotation
-    )
 
 
 def test_signed_distance_has_the_sign_of_the_determinant():

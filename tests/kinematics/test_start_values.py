@@ -11,6 +11,7 @@ from mechsim.io.toml_writer import to_toml
 from mechsim.kinematics.loops.start import with_closed_guess
 from mechsim.mechanism.joints import End, Joint
 from mechsim.mechanism.links import GROUND, Link, Pose
+from mechsim.mechanism.motion_laws import Arcs
 
 # four revolute joints through one point, with an inaccurate guess
 SPHERICAL = stated_mechanism("start_values_spherical.toml")
@@ -46,3 +47,11 @@ def test_a_loose_body_stays_where_it_is_and_changes_nothing():
     exact = loops.solve(crank, result.angle)
     # the tolerance of stepped positions, 1e-8 of the unit length of the arcs
     assert max(difference.max() for difference in result.position_errors(exact).values()) < 1e-8
+
+
+def test_the_start_is_zero_or_the_middle_of_the_longest_arc():
+    assert Arcs(True, ((-np.pi, np.pi),)).start() == 0.0
+    assert Arcs(False, ((-0.2, 0.1),)).start() == 0.0
+    assert Arcs(False, ((3.0, 7.0),)).start() == 0.0  # wraps past a whole turn
+    assert Arcs(False, ((0.5, 0.6), (1.0, 2.0))).start() == 1.5
+    assert Arcs(False, ()).start() == 0.0

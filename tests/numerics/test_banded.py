@@ -37,7 +37,6 @@ def systems(matrices: SparseMatrices, border: int = 0) -> tuple[BandedSystems, n
     dense, rows = matrices.dense.transpose(2, 0, 1), np.arange(COUNT - border)
     stated = (pivot_columns(null_space(dense[0, rows]))[0][:border],) if border else ()
     order = band(matrices, rows, np.arange(COUNT), *stated)
-    assert order is not None
     # a chain of equations, each with the unknown before it, is within a diagonal or two of the main one
     assert border or sum(order.widths) <= 4
     dense[:, COUNT - border :] = np.random.default_rng(3).standard_normal((3, border, COUNT))
@@ -79,7 +78,6 @@ def test_damped_steps_of_sparse_equations_are_those_of_dense_matrices():
     matrices, dense = shuffled(chain(2))
     unknown = np.delete(np.arange(COUNT), [3, 60])
     order = normal_band(matrices, unknown)
-    assert order is not None
     right, damping = np.random.default_rng(2).standard_normal((3, COUNT)), np.array([0.1, 0.2, 0.3])
     steps = DampedBand(right, matrices, order, lambda _, trace: damping * trace)
     selected = dense[:, :, unknown]
@@ -131,7 +129,6 @@ def test_solutions_of_least_norm_are_those_of_the_pseudo_inverse_also_where_rows
     rows, columns = np.nonzero(jacobian.any(0))
     sparse = SparseMatrices(rows, columns, jacobian[:, rows, columns].T, jacobian.shape[1:])
     systems = least_norm_systems(sparse, {})
-    assert systems is not None
     bases, independent = systems.null_bases
     assert independent.tolist() == [True, True, False]
     assert bases.shape == (3, COUNT, 2)

@@ -17,7 +17,6 @@ def test_a_solution_satisfies_the_three_conditions(seed):
     # in the range of the rows, so that a solution exists though the matrix may be singular
     constant = rows @ rng.normal(size=rows.shape[1]) * 10.0 ** rng.uniform(-6.0, 6.0)
     z = complementary(rows @ rows.T, constant)
-    assert z is not None
     slack = rows @ rows.T @ z + constant
     scale = np.abs(constant).max() + z.max()
     assert z.min() >= 0.0

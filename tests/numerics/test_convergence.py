@@ -35,22 +35,18 @@ def test_half_extent_belongs_to_the_longest_path():
 @pytest.mark.parametrize("order", [1.0, 2.0, 4.0])
 def test_a_pure_power_has_its_order(order):
     result = observed_order(STEPS, 7.0 * STEPS**-order)
-    assert result is not None
     assert (result.order, result.low, result.high) == pytest.approx((order, order, order))
     assert result.count == len(STEPS)
 
 
 def test_steps_may_be_inverse_step_sizes_below_one():
     result = observed_order(1e-3 * STEPS, STEPS**-2.0)
-    assert result is not None
     assert (result.order, result.count) == (pytest.approx(2.0), len(STEPS))
 
 
 def test_order_does_not_depend_on_the_sequence_of_points():
     forward = observed_order(STEPS, STEPS**-3.0 * [1, 2, 1, 2, 1])
     backward = observed_order(STEPS[::-1], (STEPS**-3.0 * [1, 2, 1, 2, 1])[::-1])
-    assert forward is not None
-    assert backward is not None
     assert forward.order == pytest.approx(backward.order)
     assert forward.low < 3.0 < forward.high
 
@@ -59,8 +55,6 @@ def test_points_beyond_floor_and_ceiling_do_not_change_the_order():
     error = np.maximum(STEPS**-4.0, 1e-7)
     error[0] = 1.0
     naive, bounded = observed_order(STEPS, error), observed_order(STEPS, error, floor=1e-7, ceiling=0.5)
-    assert naive is not None
-    assert bounded is not None
     assert bounded.order == pytest.approx(4.0)
     assert abs(naive.order - 4.0) > 0.5
 

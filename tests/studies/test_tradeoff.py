@@ -44,10 +44,8 @@ def test_all_points_are_measured_and_the_front_is_timed_again(tradeoff):
 @pytest.mark.long
 def test_rk4_has_fourth_order_and_the_defaults_first(tradeoff):
     hard = tradeoff.order(tradeoff.curves()["RK4, turn/5, 1e-08"])
-    assert hard is not None
     assert 3.0 < hard.order < 5.0
     compliant = tradeoff.order(tradeoff.curves()[DEFAULTS])
-    assert compliant is not None
     assert compliant.order < 1.5
 
 

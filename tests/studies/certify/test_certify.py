@@ -10,7 +10,7 @@ from mechsim.io import catalog, reference_data
 from mechsim.io.readers import open_model, parametric_model
 from mechsim.kinematics.loops.constraints import cuts_of
 from mechsim.kinematics.loops.motion import driven_path
-from mechsim.numerics.balls import Ball, DualBall, ball
+from mechsim.numerics.balls import Ball, ball
 from mechsim.studies.certify.certificate import proven_segments
 from mechsim.studies.certify.computed_motion import computed_motion
 from mechsim.studies.certify.loop_equations import concentric, loop_equations
@@ -113,19 +113,6 @@ def test_change_points_and_dead_centres_are_enclosed():
     inner = abs(four_bar.coupler - four_bar.rocker)
     angles = [np.arccos((ground**2 + crank**2 - side**2) / (2 * ground * crank)) for side in (reach, inner)]
     enclosed("dead centre", [-angle for angle in angles], "four_bar", set={"crank": "90mm"})
-
-
-def test_derivatives_of_equations_in_dual_balls_are_the_jacobian():
-    solver = ms.load("looper")
-    path = driven_path(solver.mechanism, solver.motion_laws)
-    equations = loop_equations(path.loops.tree.mechanism, path.loops.turn_offsets, {})
-    values = path.start.values.T.copy()
-    values[:, equations.tree.ball_indices] = 0.3
-    turns = [ball(np.moveaxis(rotation, -1, 0)) for rotation in path.start.turns]
-    seeds = np.diag(equations.tree.units)[:, None, :, None]
-    residual, jacobian = equations.evaluate(DualBall(ball(values[..., None]), ball(seeds)), turns)
-    derivative = np.moveaxis(residual.derivative.mid[..., 0], 0, -1)
-    assert np.abs(derivative - jacobian.value.mid).max() < 1e-14
 
 
 def test_a_spherical_linkage_needs_concentric_axes_to_be_certified():
