@@ -47,18 +47,19 @@ def test_perturbed_loops_close_with_the_crank_locked(mechanism: ms.Mechanism) ->
     assert np.array_equal(closed[:, loops.crank_address], perturbed[:, loops.crank_address])
     # rounding of a Newton step, relative to the longest link
     assert loops.closure_error(loops.residual(closed)).max() < 1e-14
-    for quaternion_start in quaternion_addresses(loops.model):
-        assert (
-            np.abs(np.linalg.norm(closed[:, quaternion_start : quaternion_start + 4], axis=1) - 1.0).max()
-            < 1e-15
-        )
+    for first in quaternion_addresses(loops.model):
+        assert np.linalg.norm(closed[:, first : first + 4], axis=1) == pytest.approx(1.0, abs=1e-15)
 
 
 USER = model_text("model_loops_user.xml")
 
 
-def user(equality: str, crank: str = "crank") -> mujoco.MjModel:
-    return mujoco.MjModel.from_xml_string(USER.format(equality=equality, crank=crank))
+def user(equality: str, crank: str = "crank", **kinds: str) -> mujoco.MjModel:
+    """Return a model with an equality, a crank, and kinds of joints that are no hinges."""
+    text = USER.format(equality=equality, crank=crank)
+    for joint, kind in kinds.items():
+        text = text.replace(f'"{joint}"', f'"{joint}" type="{kind}"', 1)
+    return mujoco.MjModel.from_xml_string(text)
 
 
 def test_a_model_without_a_crank_is_rejected_with_its_joints() -> None:
@@ -92,18 +93,13 @@ def test_newtons_method_stops_at_rounding_above_its_tolerance(monkeypatch) -> No
 
 @pytest.mark.parametrize(("joint", "kind", "scale"), [("j", "hinge", 1.0), ("k", "slide", 0.3)])
 def test_coupled_slide_errors_are_relative_to_the_model_size(joint, kind, scale) -> None:
-    text = USER.format(equality=f'<joint joint1="{joint}" polycoef=".06 0 0 0 0"/>', crank="crank")
-    loops = read_loops(
-        mujoco.MjModel.from_xml_string(text.replace(f'"{joint}"', f'"{joint}" type="{kind}"', 1))
-    )
+    loops = read_loops(user(f'<joint joint1="{joint}" polycoef=".06 0 0 0 0"/>', **{joint: kind}))
     state = loops.model.qpos0[None]
     assert loops.closure_error(loops.residual(state))[0] == pytest.approx(0.06 / scale)
 
 
 def test_driven_slide_errors_are_relative_to_the_model_size() -> None:
-    model = mujoco.MjModel.from_xml_string(
-        USER.format(equality="", crank=PARAMETER_JOINT).replace('"k"', '"k" type="slide"', 1)
-    )
+    model = user("", PARAMETER_JOINT, k="slide")
     loops = read_loops(model, drivers=find_drivers(model, ("j", "k")))
     offsets = np.zeros((3, model.nq))
     offsets[1, 1], offsets[2, 2] = 0.06, 0.06
@@ -116,18 +112,13 @@ def test_driven_slide_errors_are_relative_to_the_model_size() -> None:
 def test_conditioning_is_the_smallest_scaled_singular_value(kind, scale) -> None:
     first = '<joint joint1="j" joint2="crank" polycoef=".1 .2 0 0 0"/>'
     second = '<joint joint1="k" joint2="j" polycoef="0 .15 .1 0 0"/>'
-
-    def model(equality: str, crank: str) -> mujoco.MjModel:
-        text = USER.format(equality=equality, crank=crank)
-        return mujoco.MjModel.from_xml_string(text.replace('"k"', f'"k" type="{kind}"', 1))
-
-    loops = read_loops(model(first + second, "crank"))
+    loops = read_loops(user(first + second, k=kind))
     states = np.array([[0.3, 0.2, 0.0], [0.1, -0.9, 0.0]])
     gradient = (0.15 + 0.2 * states[:, 1]) / scale
     required = [np.linalg.svd([[1.0, 0.0], [-item, 1.0]])[1][-1] for item in gradient]
     assert loop_jacobian.conditioning(loops, loops.linearise(states)[1]) == pytest.approx(required)
     # a joint with a motion law is no unknown, and its constraint has no columns
-    with_motion_law = model(second, PARAMETER_JOINT)
+    with_motion_law = user(second, PARAMETER_JOINT, k=kind)
     driven = read_loops(with_motion_law, drivers=find_drivers(with_motion_law, ("j",)))
     assert loop_jacobian.conditioning(driven, driven.linearise(states)[1]) == pytest.approx(1.0)
 

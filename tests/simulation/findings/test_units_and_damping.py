@@ -5,7 +5,7 @@ import json
 import mujoco
 import numpy as np
 import pytest
-from model_files import changed_text, model_text
+from model_files import changed_model, changed_text, model_text
 
 import mechsim as ms
 from mechsim.simulation.findings import findings
@@ -99,37 +99,20 @@ def test_a_rejected_file_among_several_is_its_own_finding(tmp_path, mechsim):
     assert mechsim("check", paths[1]).code == 2
 
 
-WELD = model_text("units_and_damping_weld.xml")
-
-
 @pytest.mark.long
-@pytest.mark.parametrize(
-    ("torquescale", "severity"), [pytest.param(0, "note", marks=pytest.mark.slow), (1, "warning")]
-)
-def test_a_weld_without_torque_is_reported_as_a_connect(torquescale, severity, file):
-    path = file(WELD.format(".09 0 0", torquescale))
-    (violation,) = [v for v in ms.check(path) if v.rule == "MS107"]
-    assert violation.severity == severity
-
-
-HIPS = model_text("units_and_damping_hips.xml")
-
-
-@pytest.mark.long
-def test_a_fixed_base_adds_no_contact(tmp_path):
-    path = tmp_path / "hips.xml"
-    path.write_text(HIPS)
+def test_a_fixed_base_adds_no_contact():
     for fix_base in (False, True):
-        read = read_model(str(path), fix_base=fix_base)
+        read = read_model(changed_model("units_and_damping_hips.xml"), fix_base=fix_base)
         assert "collision" not in {finding.kind for finding in findings(read)}
         model = read.spec.copy().compile()
         data = mujoco.MjData(model)
         mujoco.mj_forward(model, data)
         assert data.ncon == 0
     # links two joints apart collide in the file, too
-    path.write_text(HIPS.replace('pos="0 0 -.3"><joint name="knee"', 'pos="0 0 -.01"><joint name="knee"'))
+    knee = 'pos="0 0 -.3"><joint name="knee"', 'pos="0 0 -.01"><joint name="knee"'
+    path = changed_model("units_and_damping_hips.xml", knee)
     for fix_base in (False, True):
-        kinds = [finding.kind for finding in findings(read_model(str(path), fix_base=fix_base))]
+        kinds = [finding.kind for finding in findings(read_model(path, fix_base=fix_base))]
         assert ("collision" in kinds) == (not fix_base)
 
 
