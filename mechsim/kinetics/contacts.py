@@ -396,15 +396,9 @@ class Contacts:
             mode = self._started(state, time, mode)
         free = self.accelerate(state, np.array([time]), replace(mode, stuck=[])).acceleration
         least_slip = max(REVERSAL * fastest**2, STARTED * float(np.abs(free).max(initial=0.0)))
+        starting = [*stuck]
         for _ in range(MAX_CHANGES):
-            try:
-                mode = self._touching(state, time, mode, resting)
-            except JammedError:
-                pushed = self._pushed(state, mode, resting)
-                if pushed is None:
-                    raise
-                mode = pushed
-                continue
+            mode = self._touching(state, time, mode, resting)
             dynamics = self.accelerate(state, np.array([time]), mode)
             # at a dead centre the joint reverses whatever the friction
             reversing = max(mode.stuck, key=lambda i: abs(float(dynamics.slip[i, 0])), default=None)
@@ -416,10 +410,30 @@ class Contacts:
             slipping = max(loads, key=lambda i: loads[i], default=None)
             # smaller than the excess that ends sticking: the friction slides at that instant
             load = 0.0 if slipping is None else self._friction_load(state, np.array([time]), mode)[0]
-            if slipping is None or load <= 1.0 + 0.5 * BALANCED:
+            if slipping is not None and load > 1.0 + 0.5 * BALANCED:
+                mode = self._sliding(mode, slipping, -float(dynamics.holding[slipping, 0]))
+                continue
+            against = self._started_against(state, dynamics, mode, starting, least_slip)
+            if against is None:
                 break
-            mode = self._sliding(mode, slipping, -float(dynamics.holding[slipping, 0]))
+            # it sticks once more, and slides the other way if it cannot
+            starting.remove(against)
+            sliding = np.where(np.arange(len(mode.sliding)) == against, 0.0, mode.sliding)
+            mode = replace(mode, sliding=sliding, stuck=sorted([*mode.stuck, against]))
         return mode
+
+    def _started_against(
+        self, state: Kinematics, dynamics: Dynamics, mode: ContactMode, starting: list[int], least: float
+    ) -> int | None:
+        """Return which of the frictions that start from rest accelerates most against its direction.
+
+        Contacts, which `_started` does not know, may turn it. None for accelerations up to `least`.
+        """
+        changes = self.equations.friction_accelerations(state, dynamics.acceleration)[:, 0]
+        balls = [KINDS[self.equations.frictions[i].joint.kind].ball for i in starting]
+        along = {i: mode.sliding[i] * changes[i] for i, ball in zip(starting, balls, strict=True) if not ball}
+        most = min(along, key=lambda i: along[i], default=None)
+        return most if most is not None and along[most] < -least else None
 
     def _without_determined(
         self, state: Kinematics, time: float, mode: ContactMode, fastest: float
@@ -458,7 +472,10 @@ class Contacts:
         return self._sliding(mode, mode.stuck[most[0]], rates[most]) if abs(rates[most]) > least else None
 
     def _touching(self, state: Kinematics, time: float, mode: ContactMode, resting: list[int]) -> ContactMode:
-        """Return a mode with those stops in contact that must press, of those with a closed gap at rest."""
+        """Return a mode with those stops in contact that must press, of those with a closed gap at rest.
+
+        A sticking friction that they push slides.
+        """
         mode = replace(mode, contacts=[], adhesion=np.zeros(0))
         if not resting:
             return mode
@@ -468,7 +485,14 @@ class Contacts:
         friction = np.abs(apart.holding).max(initial=0.0) / float(np.trace(mass[0]))
         rounding = BALANCED * float(np.abs(apart.acceleration).max(initial=friction))
         opening = self.gap_rates(apart.acceleration)[resting, 0]
-        touching = replace(mode, contacts=self._pressed(mass, apart.rows, resting, opening, 0.5 * rounding))
+        try:
+            contacts = self._pressed(mass, apart.rows, resting, opening, 0.5 * rounding)
+        except JammedError:
+            pushed = self._pushed(state, mode, resting)
+            if pushed is None:
+                raise
+            return self._touching(state, time, pushed, resting)
+        touching = replace(mode, contacts=contacts)
         forces = self._pressing(state, times, touching)[:, 0]
         adhesion = rounding * float(np.trace(mass[0])) + 2.0 * np.maximum(-forces, 0.0)
         return replace(touching, adhesion=adhesion)
