@@ -11,7 +11,7 @@ from model_files import stated_mechanism
 import mechsim as ms
 from mechsim import loops
 from mechsim.errors import MobilityError
-from mechsim.kinematics.continuation import segments
+from mechsim.kinematics.continuation import assembly_curve, segments
 from mechsim.numerics.newton import root
 from mechsim.studies import trace as mechanism_trace
 
@@ -198,6 +198,17 @@ def test_poses_are_assigned_to_their_own_curve():
         moved = features + 1e-5 * np.eye(features.shape[1])[0]
         assert not mechanism_trace.lie_on(curve, moved).any()
     assert loops.features is result.curves[1].loops.features
+
+
+def test_poses_that_are_corrected_a_few_at_a_time_keep_their_order(monkeypatch):
+    curve = traced("four_bar").curves[0]
+    arcs = np.random.default_rng(0).uniform(0.0, curve.length, 40)
+    together = curve.poses_at(arcs)
+    # of four coordinates, three poses at a time
+    monkeypatch.setattr(assembly_curve, "TOGETHER", 12)
+    apart = curve.poses_at(arcs)
+    for (name, column), (_, other) in zip(together.columns(), apart.columns(), strict=True):
+        np.testing.assert_allclose(column, other, rtol=0.0, atol=1e-13, err_msg=name)
 
 
 def geared(ratio):

@@ -26,6 +26,8 @@ from mechsim.numerics.newton import roots
 Extremum = Literal["highest", "lowest"]
 # arcs in a segment at which rates are checked for a change of sign
 SAMPLES = 4 * NODES
+# largest product of the numbers of coordinates and poses that are corrected together
+TOGETHER = 50_000
 # change of a coordinate between two turns, in [rad] or characteristic lengths, below which it dwells
 DWELL = 1e-8
 
@@ -383,7 +385,14 @@ class AssemblyCurve:
 
     def _corrected(self, arcs: Array) -> Iterator[tuple[NDArray[np.intp], Array, LinkPoses]]:
         """Yield indices of arcs, the joints' coordinates there, (n, columns), and the poses."""
-        for segment, rows in self.traced.groups(arcs):
+        # at a dead centre all coordinates may turn, in one segment
+        together = max(1, TOGETHER // self.loops.loops.tree.count)
+        chunks = (
+            (segment, every[first : first + together])
+            for segment, every in self.traced.groups(arcs)
+            for first in range(0, len(every), together)
+        )
+        for segment, rows in chunks:
             singular = np.zeros(len(rows), dtype=np.bool_)
             for branch_point in self.branch_points:
                 singular |= np.abs(arcs[rows] - branch_point) < MIN_DISTANCE_FROM_BRANCH_POINT

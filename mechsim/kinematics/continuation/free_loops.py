@@ -147,7 +147,7 @@ def split_motion(loops: TreeLoops, poses: LinkPoses, free: Array) -> tuple[Array
 # a branch point has a singular value below this fraction of the largest, and a residual of at most this
 SINGULAR_RATIO, MAX_RESIDUAL = 1e-7, 2e-13
 # relative error of the singular values of nodes, which only show where to search for a branch point
-NODE_ERROR = 1e-4
+NODE_ERROR = 1e-2
 # Newton's method from the prediction of a node, to rounding; and two steps from a pose that is interpolated
 CORRECTOR = NewtonSettings(tolerance=1e-15, max_displacement=NEARBY.max_displacement)
 FINAL = NewtonSettings(max_iterations=2, last_step=0.0)
