@@ -18,7 +18,6 @@ from mechsim.kinetics.unit_motion import UnitMotion
 from mechsim.mechanism.forces import Friction, Location
 from mechsim.mechanism.joint_kinds import COLUMN, KINDS
 from mechsim.mechanism.joints import Joint, joint_coordinate
-from mechsim.mechanism.links import IDENTITY
 from mechsim.mechanism.nonlinear_springs import Bushing, NonlinearSpring, Phases
 from mechsim.numerics.arrays import Array, cross, wrapped
 
@@ -297,9 +296,7 @@ def length_and_rate(unit: UnitMotion, spring: NonlinearSpring) -> tuple[Array, A
 
 def _joint_values(unit: UnitMotion, joint: Joint) -> Array:
     """Return the coordinates of a joint, (n, k) in [m] or [rad], angles within (-pi, pi]."""
-    poses = unit.poses()
-    a, b = (poses.get(end.link, IDENTITY) for end in (joint.a, joint.b))
-    return joint_coordinate(joint, a, b)
+    return joint_coordinate(joint, unit.pose(joint.a.link), unit.pose(joint.b.link))
 
 
 def power(unit: UnitMotion, wrenches: Array) -> Array:

@@ -39,7 +39,8 @@ FLAT = 1e-4
 # singular values of the loops below this fraction of the largest are zero: loops of a singular configuration
 # close to 1e-8 only
 NEAR_SINGULAR = 1e-6
-# number of links of all states whose forces are evaluated together: a few MB, which a cache holds
+# number of links of all states whose forces are evaluated together: a few MB, which a cache holds; ten times
+# as many, or as few, take 1.3 or 1.9 times as long (`validation/speed/loop_speed.py`)
 LINK_STATES = 10_000
 
 Complex = NDArray[np.complex128]
@@ -284,12 +285,12 @@ def reduced_forces(equations: EquationsOfMotion, q: Coordinates, basis: Array) -
     step[equations.free] = basis.transpose(1, 0, 2).reshape(free, -1)
     at_rest = equations.kinematics(q, np.zeros_like(q.values))
     force, magnitude = equations.smooth_forces(at_rest)
-    multipliers = _multipliers(equations, at_rest, force)
     repeated = q.select(np.repeat(np.arange(n), dof))
     state = equations.kinematics(equations.loops.displaced(repeated, stepped(0.0 * step, step)), 0.0 * step)
     forces, terms = equations.smooth_forces(state)
     reaction, sizes = np.zeros((2, equations.loops.tree.count, n * dof))
     if equations.loops.rows:
+        multipliers = _multipliers(equations, at_rest, force)
         bending = equations.loops.sparse(state.q, state.poses)[1]
         terms_of_rows = change_of(bending.values) * np.repeat(multipliers, dof, 0).T[bending.rows]
         np.add.at(reaction, bending.columns, terms_of_rows)

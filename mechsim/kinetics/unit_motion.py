@@ -18,7 +18,7 @@ from mechsim.kinematics.loops.mobility import dof_count
 from mechsim.kinematics.vector_method.rotations import skew
 from mechsim.mechanism.forces import Location, located
 from mechsim.mechanism.joints import End, Joint
-from mechsim.mechanism.links import GROUND, Pose, Vector
+from mechsim.mechanism.links import GROUND, IDENTITY, Pose, Vector
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.motion import Motion, select_instants, short_repr
 from mechsim.numerics.arrays import Array, cross
@@ -97,10 +97,12 @@ class UnitMotion:
 
     def poses(self) -> dict[str, Pose]:
         """Return link -> n poses."""
-        return {
-            link.name: Pose(self.position[:, i], self.rotation[:, i])
-            for i, link in enumerate(self.mechanism.links)
-        }
+        return {link.name: self.pose(link.name) for link in self.mechanism.links}
+
+    def pose(self, link: str) -> Pose:
+        """Return the n poses of a link."""
+        slot = self.slot(link)
+        return IDENTITY if slot is None else Pose(self.position[:, slot], self.rotation[:, slot])
 
     def slot(self, link: str) -> int | None:
         """Return the index of a link in the stacked arrays; None for the frame."""

@@ -6,7 +6,7 @@ A `Mechanism` is plain data without positions in space. The analytic solvers and
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Literal, TypeVar
@@ -279,8 +279,12 @@ class Mechanism:
 
     def joint(self, name: str) -> Joint:
         """Return the joint with a name."""
-        _require_known(f"mechanism {self.name!r}", "joint", name, [joint.name for joint in self.joints])
-        return next(joint for joint in self.joints if joint.name == name)
+        _require_known(f"mechanism {self.name!r}", "joint", name, self._joint_of)
+        return self._joint_of[name]
+
+    @cached_property
+    def _joint_of(self) -> dict[str, Joint]:
+        return {joint.name: joint for joint in self.joints}
 
     def joint_with(self, coordinate: str) -> tuple[Joint, int]:
         """Return the joint with a coordinate, and the number of the coordinate in it."""
@@ -429,7 +433,7 @@ def _require_name(who: str, name: str) -> None:
         )
 
 
-def _require_known(who: str, what: str, name: str, names: Sequence[str]) -> None:
+def _require_known(who: str, what: str, name: str, names: Collection[str]) -> None:
     if name not in names:
         raise InputError(f"{who} names {what} {name!r}, but there are only {', '.join(names)}")
 

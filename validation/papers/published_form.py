@@ -15,14 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mechsim import catalog
 from mechsim.kinematics.solvers import KinematicSolver
-from mechsim.kinematics.vector_method.vectors import (
-    Sign,
-    column,
-    cross,
-    dot,
-    norm,
-    unit_at_angles,
-)
+from mechsim.kinematics.vector_method.vectors import Sign, column, cross, dot, norm, unit_at_angles
 
 Array = NDArray[np.float64]
 LOOPER = catalog.make(

@@ -104,11 +104,7 @@ def circle_sphere_intersection(
     height_u = (squared + circle_radius**2 + height**2 - radius**2) / (2 * mp.sqrt(squared))
     discriminant = circle_radius**2 - height_u**2
     u = [d / mp.sqrt(squared) for d in in_plane]
-    v = [
-        u[1] * axis[2] - u[2] * axis[1],
-        u[2] * axis[0] - u[0] * axis[2],
-        u[0] * axis[1] - u[1] * axis[0],
-    ]
+    v = [u[1] * axis[2] - u[2] * axis[1], u[2] * axis[0] - u[0] * axis[2], u[0] * axis[1] - u[1] * axis[0]]
     height_v = sign * mp.sqrt(discriminant)
     return [o + height_u * a + height_v * b for o, a, b in zip(centre, u, v, strict=True)], discriminant
 

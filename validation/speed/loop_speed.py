@@ -8,7 +8,9 @@ exceeds its limit.
 Rows of four-bars are solved by dense matrices and in a band (`MIN_UNKNOWNS` of the loop solver: importing
 scipy for the band takes about 150 ms), and nine random systems of 200 unknowns in bands whose width is a
 fraction of their number (`MIN_RATIO`). Solutions of least norm are those of 1 and 50 chains, by
-pseudo-inverses and by an augmented band (`SPARSE`).
+pseudo-inverses and by an augmented band (`SPARSE`). Forces along a row of 100 four-bars are evaluated for as
+many states together as have `LINK_STATES` links; reactions of mechanisms with 3 and 7 links are solved by a
+dense matrix, or in blocks above `DENSE_LINKS`.
 
 Run: OPENBLAS_NUM_THREADS=1 python validation/speed/loop_speed.py
 """
@@ -18,6 +20,7 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+from itertools import product
 from pathlib import Path
 from statistics import median
 from timeit import timeit
@@ -30,15 +33,12 @@ from a02_four_bars import chain
 
 from mechsim.io.readers import load
 from mechsim.kinematics.solvers import KinematicSolver
+from mechsim.kinetics import linearization, prescribed, reactions, statics
+from mechsim.kinetics.model import dynamic_model
 from mechsim.numerics import banded, loop_solver
 from mechsim.numerics.rank import least_norm
 
 ROUNDS, UNKNOWNS = 15, 200
-
-
-def by_loops(name, **options):
-    solver = load(name, **options)
-    return solver if solver.closed_form is None else KinematicSolver(solver.mechanism)
 
 
 def seconds(run: Callable[..., object], *arguments: object) -> float:
@@ -58,18 +58,18 @@ def main() -> None:
     legs = {f"l{i}": f"155mm + 10mm*sin(2*pi*t + {i})" for i in range(1, 7)}
     # the mechanism, the number of configurations, and the limit of the time of each in [us]
     cases = (
-        (by_loops("four_bar"), 100, 100.0),
-        (by_loops("rssr"), 10_000, 30.0),
-        (by_loops("stewart_gough", drive=legs, duration=1.0), 1000, 250.0),
-        (by_loops("jansen"), 1000, 250.0),
+        (KinematicSolver(load("four_bar").mechanism), 100, 100.0),
+        (KinematicSolver(load("rssr").mechanism), 10_000, 30.0),
+        (load("stewart_gough", drive=legs, duration=1.0), 1000, 250.0),
+        (load("jansen"), 1000, 250.0),
     )
     medians = np.median([[microseconds(*case[:2]) for case in cases] for _ in range(ROUNDS)], 0)
     for (solver, poses, limit), (first, repeated) in zip(cases, medians, strict=True):
         print(
-            f"{solver.name:<14} {poses:>6} configurations: {first:6.1f} us each, "
-            f"repeated {repeated:6.1f}; limit {limit:g}"
+            f"{solver.name:<14} {poses:>6}: {first:6.1f} us each, repeated {repeated:6.1f}; limit {limit:g}"
         )
     print_bands()
+    print_forces()
     sys.exit(any(first > limit for (_, _, limit), (first, _) in zip(cases, medians, strict=True)))
 
 
@@ -97,6 +97,19 @@ def print_bands() -> None:
         chains = np.triu(np.tril(number.standard_normal((n, count, count)), 2), -2)[:, 1:]
         own = relative_time(*(partial(method, chains, chains[..., 0]) for method in methods))
         print(f"{count} unknowns, {n:>2} least solutions: {own:.2f} of the time of pseudo-inverses")
+
+
+def print_forces() -> None:
+    equations, q = statics.prepared_equations(KinematicSolver(chain(100)), None, {})
+    basis = linearization.independent_rates(equations, q)[None].repeat(200, 0)
+    for linearization.LINK_STATES in (1000, 10_000, 100_000):
+        own = median(seconds(linearization.reduced_forces, equations, q.repeated(200), basis) for _ in "1234")
+        print(f"{linearization.LINK_STATES:>6} links at once: {1e3 * own:.0f} ms for forces of 200 states")
+    for name, n in product(("four_bar", "jansen"), (4, 400)):
+        run = partial(prescribed, dynamic_model(load(name)), np.linspace(0.0, 0.1, n), speed=1.0)
+        for reactions.DENSE_LINKS in (1000, 0):
+            own = median(seconds(run) for _ in range(ROUNDS))
+            print(f"{name}, {n} instants, dense up to {reactions.DENSE_LINKS} links: {1e3 * own:.1f} ms")
 
 
 if __name__ == "__main__":
