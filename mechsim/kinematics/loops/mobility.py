@@ -9,7 +9,7 @@ import numpy as np
 from mechsim.errors import STEPPED, AssemblyError, MobilityError
 from mechsim.kinematics.loops.constraints import TreeLoops, TreeSolver, tree_loops
 from mechsim.kinematics.loops.kinematics import Coordinates, link_poses
-from mechsim.kinematics.loops.start import all_closed, assembled, closed, disturbed
+from mechsim.kinematics.loops.start import all_closed, assembled, close_nearest, closed, disturbed
 from mechsim.mechanism.joint_kinds import KINDS
 from mechsim.mechanism.links import GROUND, Pose
 from mechsim.mechanism.mechanism import Mechanism
@@ -80,6 +80,8 @@ def nearest_consistent(
 
     Prescribed coordinates do not change.
     """
+    if (tolerance, floor) == (RANK_TOLERANCE, FLOOR):
+        return close_nearest(loops, q, CONSISTENT)[0]
     system = LoopSystem(loops, loops.unknown)
     return newton(system, q, CONSISTENT, lambda matrix, right: least_norm(matrix, right, tolerance, floor)).q
 
