@@ -129,8 +129,8 @@ def _prescribed(model: DynamicModel, options: InverseOptions, verbose: bool) -> 
         # parts of about the same length
         names = ("formulas", "MuJoCo", "check") if compared else ("formulas",)
         steps = iter(sections(report, dict.fromkeys(names, 1.0)))
-        study = prescribed_along(model, *profile.state(time), time=time, progress=next(steps))
-        study = actuated(study, weights) if weights else study
+        solved = prescribed_along(model, *profile.state(time), time=time, progress=next(steps))
+        study = actuated(solved, weights) if weights else solved
         run, verdict, steady = None, None, None
         if model.solver.motion_laws.crank and model.solver.crank_range().full:
             # a crank too slow for its springs or weight has no steady turn under a constant torque
@@ -145,7 +145,7 @@ def _prescribed(model: DynamicModel, options: InverseOptions, verbose: bool) -> 
                 samples=options.rows - 1,
                 progress=next(steps),
             )
-            verdict = crosscheck_driven(run, model, progress=next(steps))
+            verdict = crosscheck_driven(run, model, solved=solved, progress=next(steps))
     contacts = contact_forces(model, profile.state, time)
     write_outputs(
         options.output,

@@ -14,7 +14,7 @@ from mechsim.mechanism.force_record import MeshForce, Reaction
 from mechsim.mechanism.joint_kinds import COLUMN, KINDS
 from mechsim.mechanism.joints import Coupling, Joint
 from mechsim.mechanism.mechanism import Mechanism
-from mechsim.mechanism.meshes import Mesh, mesh_of, meshes_of, threads_of
+from mechsim.mechanism.meshes import Mesh, mesh_of, meshes_of
 from mechsim.numerics.arrays import Array, cross
 from mechsim.numerics.block_least_norm import block_least_norm
 from mechsim.numerics.graphs import components
@@ -77,14 +77,15 @@ def balance(unit: UnitMotion, needed: Array) -> Balance:
     solved, imbalance = _multipliers(unit, needed[..., None])
     multipliers, sound = solved.values[..., 0], solved.sound
     named = _named(mechanism, multipliers)
-    carried = [
-        _carried(unit, joint, span, solved)
-        for joint, span in zip(mechanism.joints, _spans(mechanism), strict=True)
-    ]
+    carried = _carried(unit, solved)
     return Balance(
         {name: named[name] for name in mechanism.drivers},
         {name: named[name] for name in mechanism.locked},
-        {load.joint.name: _reaction(mechanism, load, sound) for load in carried},
+        dict(
+            zip(
+                [joint.name for joint in mechanism.joints], _reactions(mechanism, carried, sound), strict=True
+            )
+        ),
         {name: named[name] for name in mechanism.named_laws},
         mesh_forces(unit, named),
         _sums(mechanism, carried, sound),
@@ -230,8 +231,9 @@ def linear_reactions(
         rows = [_row(mechanism, share.coupling, multipliers.shape[1]) for share in related]
         slack = solved.stresses([*range(span.start, span.stop), *rows])
         count = span.stop - span.start
-        wrench, _ = _wrench(unit, joint, span, multipliers[:, span])
-        alone, _ = _wrench(unit, joint, span, slack[:, :count])
+        both = np.concatenate([multipliers[:, span], slack[:, :count]], 2)
+        (both,), _ = _wrenches(unit, [joint], [span], both[None])
+        wrench, alone = both[..., : multipliers.shape[2]], both[..., multipliers.shape[2] :]
         for i, share in enumerate(related):
             effort = multipliers[:, None, rows[i]]
             along = (share.linear + share.separating * np.sign(effort[:, 0, :1]))[..., None]
@@ -245,6 +247,21 @@ def _spans(mechanism: Mechanism) -> list[slice]:
     kinds = [KINDS[joint.kind] for joint in mechanism.joints]
     ends = np.cumsum([0, *(kind.forces + kind.moments for kind in kinds)]).tolist()
     return [slice(first, last) for first, last in pairwise(ends)]
+
+
+@dataclass(frozen=True, slots=True)
+class Share:
+    """Contribution of a coupling to a joint's reaction: wrenches on link b about the joint's point.
+
+    Attributes:
+        coupling: name of the coupling.
+        linear: wrench per unit of its force, (n, 6).
+        separating: wrench per unit magnitude of that force, (n, 6).
+    """
+
+    coupling: str
+    linear: Array
+    separating: Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -266,21 +283,40 @@ class JointLoad:
     point: Array
 
 
-def _carried(unit: UnitMotion, joint: Joint, span: slice, solved: Multipliers) -> JointLoad:
-    values, related = solved.values[..., 0], [*shares(unit, joint)]
-    rows = [_row(unit.mechanism, share.coupling, values.shape[1]) for share in related]
-    slack = solved.stresses([*range(span.start, span.stop), *rows])
-    count = span.stop - span.start
-    wrench, point = _wrench(unit, joint, span, values[:, span, None])
-    alone, _ = _wrench(unit, joint, span, slack[:, :count])
-    apart = [np.zeros((*alone.shape[:2], 0))]
+def _carried(unit: UnitMotion, solved: Multipliers) -> list[JointLoad]:
+    """Return the loads of all joints; those with as many equations and self-stresses are computed at once."""
+    mechanism, values = unit.mechanism, solved.values[..., :1]
+    joints, spans = mechanism.joints, _spans(mechanism)
+    related = [[*shares(unit, joint)] for joint in joints]
+    slack: list[Array] = []
+    alike: dict[tuple[int, int], list[int]] = {}
+    for i, (span, own) in enumerate(zip(spans, related, strict=True)):
+        rows = [_row(mechanism, share.coupling, values.shape[1]) for share in own]
+        slack.append(solved.stresses([*range(span.start, span.stop), *rows]))
+        alike.setdefault((span.stop - span.start, slack[i].shape[2]), []).append(i)
+    loads: dict[int, JointLoad] = {}
+    for (count, _), members in alike.items():
+        both = np.stack([np.concatenate([values[:, spans[i]], slack[i][:, :count]], 2) for i in members])
+        wrenches, points = _wrenches(unit, [joints[i] for i in members], [spans[i] for i in members], both)
+        for i, wrench, point in zip(members, wrenches, points, strict=True):
+            load = JointLoad(joints[i], wrench[..., 0], wrench[..., 1:], np.zeros((len(unit), 6, 0)), point)
+            loads[i] = _with_shares(unit, load, related[i], values[..., 0], slack[i][:, count:])
+    return [loads[i] for i in range(len(joints))]
+
+
+def _with_shares(
+    unit: UnitMotion, load: JointLoad, related: Sequence[Share], values: Array, slack: Array
+) -> JointLoad:
+    """Return a load with the contributions of couplings, from multipliers and those of self-stresses."""
+    wrench, alone, apart = load.wrench, load.alone, [load.apart]
     for i, share in enumerate(related):
-        effort, stress = values[:, rows[i], None], slack[:, None, count + i]
-        wrench = wrench + (share.linear * effort + share.separating * magnitude(effort))[..., None]
+        effort = values[:, _row(unit.mechanism, share.coupling, values.shape[1]), None]
+        stress = slack[:, None, i]
+        wrench = wrench + share.linear * effort + share.separating * magnitude(effort)
         alone = alone + share.linear[..., None] * stress
         apart.append(share.separating[..., None] * stress)
     # the separating tooth force depends on the magnitude of the coupling force, not on its sign
-    return JointLoad(joint, wrench[..., 0], alone, np.concatenate(apart, -1), point)
+    return JointLoad(load.joint, wrench, alone, np.concatenate(apart, -1), load.point) if related else load
 
 
 def _sums(mechanism: Mechanism, loads: Sequence[JointLoad], sound: NDArray[np.bool_]) -> dict[str, Reaction]:
@@ -288,11 +324,9 @@ def _sums(mechanism: Mechanism, loads: Sequence[JointLoad], sound: NDArray[np.bo
     groups: dict[frozenset[str], list[JointLoad]] = {}
     for load in loads:
         groups.setdefault(frozenset({load.joint.a.link, load.joint.b.link}), []).append(load)
-    return {
-        " + ".join(load.joint.name for load in group): _reaction(mechanism, _together(group), sound)
-        for group in groups.values()
-        if len(group) > 1
-    }
+    several = [group for group in groups.values() if len(group) > 1]
+    names = [" + ".join(load.joint.name for load in group) for group in several]
+    return dict(zip(names, _reactions(mechanism, [*map(_together, several)], sound), strict=True))
 
 
 def _together(loads: Sequence[JointLoad]) -> JointLoad:
@@ -316,44 +350,68 @@ def _together(loads: Sequence[JointLoad]) -> JointLoad:
     return JointLoad(first.joint, wrench[..., 0], alone, apart, first.point)
 
 
-def _reaction(mechanism: Mechanism, load: JointLoad, sound: NDArray[np.bool_]) -> Reaction:
+def _reactions(mechanism: Mechanism, loads: Sequence[JointLoad], sound: NDArray[np.bool_]) -> list[Reaction]:
+    """Return reactions; those with as many self-stresses are computed at once."""
     scale = np.array([mechanism.characteristic_length] * 3 + [1.0] * 3)
-    alone = np.real(np.concatenate([load.alone, load.apart], -1)) * scale[:, None]
-    undone = np.abs(alone[sound]).max((0, 2), initial=0.0)
-    return Reaction(
-        link=load.joint.b.link,
-        by=load.joint.a.link,
-        force=load.wrench[:, :3],
-        moment=load.wrench[:, 3:],
-        point=load.point,
-        determined=undone <= DETERMINED,
-        projector=_determined_projector(alone) if alone.shape[-1] else None,
-    )
+    stresses = [np.real(np.concatenate([load.alone, load.apart], -1)) * scale[:, None] for load in loads]
+    alike: dict[int, list[int]] = {}
+    for i, alone in enumerate(stresses):
+        alike.setdefault(alone.shape[-1], []).append(i)
+    determined, projectors = dict[int, NDArray[np.bool_]](), dict[int, Array]()
+    for count, members in alike.items():
+        alone = np.stack([stresses[i] for i in members])
+        determined |= zip(
+            members, np.abs(alone[:, sound]).max((1, 3), initial=0.0) <= DETERMINED, strict=True
+        )
+        if count:
+            projectors |= zip(members, _determined_projectors(alone), strict=True)
+    return [
+        Reaction(
+            link=load.joint.b.link,
+            by=load.joint.a.link,
+            force=load.wrench[:, :3],
+            moment=load.wrench[:, 3:],
+            point=load.point,
+            determined=determined[i],
+            projector=projectors.get(i),
+        )
+        for i, load in enumerate(loads)
+    ]
 
 
-def _determined_projector(alone: Array) -> Array:
-    """Return projections of force and moment on the components without self-stress, (n, 2, 3, 3)."""
-    u, values, _ = np.linalg.svd(alone.reshape(len(alone), 2, 3, -1), full_matrices=False)
+def _determined_projectors(alone: Array) -> Array:
+    """Return projections of forces and moments on the components without self-stress, (j, n, 2, 3, 3)."""
+    u, values, _ = np.linalg.svd(alone.reshape(*alone.shape[:2], 2, 3, -1), full_matrices=False)
     loose = u * (values > DETERMINED)[..., None, :]
     return np.eye(3) - loose @ np.swapaxes(loose, -1, -2)
 
 
-def _wrench(unit: UnitMotion, joint: Joint, span: slice, multipliers: Array) -> tuple[Array, Array]:
-    """Return wrenches on link b about its point by multipliers of a joint, (n, rows, k), and the point.
+def _wrenches(
+    unit: UnitMotion, joints: Sequence[Joint], spans: Sequence[slice], multipliers: Array
+) -> tuple[Array, Array]:
+    """Return wrenches on links b about their points, (j, n, 6, k), and these points, (j, n, 3).
 
-    The wrenches are (n, 6, k).
+    Args:
+        unit: the motion.
+        joints: j joints with as many equations.
+        spans: their equations.
+        multipliers: of these equations, (j, n, rows, k).
     """
-    end, sign = (joint.b, 1.0) if unit.slot(joint.b.link) is not None else (joint.a, -1.0)
-    slot = unit.slot(end.link)
-    assert slot is not None
-    blocks = [row[slot] for row in unit.locked_rows.blocks[span]]
-    empty = np.zeros((len(unit), 6, 0))
-    wrench = sign * (np.stack(blocks, 2) if blocks else empty) @ multipliers
-    point, _ = unit.point(joint.b.link, joint.b.point)
-    arm = point - unit.position[:, slot]
-    force = wrench[:, :3]
-    wrench[:, 3:] -= np.swapaxes(cross(arm[:, None], np.swapaxes(force, 1, 2)), 1, 2)
-    return wrench, point
+    signs = np.array([1.0 if unit.slot(joint.b.link) is not None else -1.0 for joint in joints])
+    ends = [joint.b if sign > 0.0 else joint.a for joint, sign in zip(joints, signs, strict=True)]
+    slots = [slot for end in ends if (slot := unit.slot(end.link)) is not None]
+    rows = unit.locked_rows.blocks
+    blocks = np.zeros((len(joints), 0, len(unit), 6))
+    if multipliers.shape[2]:
+        blocks = np.array(
+            [[row[slot] for row in rows[span]] for slot, span in zip(slots, spans, strict=True)]
+        )
+    wrench = np.moveaxis(blocks, 1, 3) @ (signs[:, None, None, None] * multipliers)
+    points = np.stack([unit.point(joint.b.link, joint.b.point)[0] for joint in joints])
+    arms = points - np.moveaxis(unit.position[:, slots], 1, 0)
+    force = np.swapaxes(wrench[..., :3, :], 2, 3)
+    wrench[..., 3:, :] -= np.swapaxes(cross(arms[:, :, None], force), 2, 3)
+    return wrench, points
 
 
 def _named(mechanism: Mechanism, multipliers: Array) -> dict[str, Array]:
@@ -368,21 +426,6 @@ def _row(mechanism: Mechanism, coupling: str, count: int) -> int:
     names = [*mechanism.named_laws]
     first = count - len(names) - len(mechanism.locked) - len(mechanism.drivers)
     return first + names.index(coupling)
-
-
-@dataclass(frozen=True, slots=True)
-class Share:
-    """Contribution of a coupling to a joint's reaction: wrenches on link b about the joint's point.
-
-    Attributes:
-        coupling: name of the coupling.
-        linear: wrench per unit of its force, (n, 6).
-        separating: wrench per unit magnitude of that force, (n, 6).
-    """
-
-    coupling: str
-    linear: Array
-    separating: Array
 
 
 def mesh_forces(unit: UnitMotion, forces: Mapping[str, Array]) -> dict[str, MeshForce]:
@@ -401,11 +444,10 @@ def mesh_forces(unit: UnitMotion, forces: Mapping[str, Array]) -> dict[str, Mesh
 
 def shares(unit: UnitMotion, joint: Joint) -> Iterator[Share]:
     """Yield the contributions of threads and teeth to the reaction of a joint."""
-    threads = threads_of(unit.mechanism)
-    for name, law in unit.mechanism.named_laws.items():
+    for name, law in unit.named_laws.items():
         if not {*joint.coordinates} & {*law.coordinates}:
             continue
-        if threads.get(name) is joint:
+        if unit.threads.get(name) is joint:
             effort = _on_coordinates(unit, joint, law)
             yield Share(name, effort, np.zeros_like(effort))
         elif (mesh := mesh_of(unit.mechanism, law)) is not None:

@@ -17,9 +17,10 @@ from mechsim.kinematics.loops.maximal_coordinates import Rows, equations
 from mechsim.kinematics.loops.mobility import dof_count
 from mechsim.kinematics.vector_method.rotations import skew
 from mechsim.mechanism.forces import Location, located
-from mechsim.mechanism.joints import End, Joint
+from mechsim.mechanism.joints import Coupling, End, Joint
 from mechsim.mechanism.links import GROUND, IDENTITY, Pose, Vector
 from mechsim.mechanism.mechanism import Mechanism
+from mechsim.mechanism.meshes import threads_of
 from mechsim.mechanism.motion import Motion, select_instants, short_repr
 from mechsim.numerics.arrays import Array, cross
 from mechsim.numerics.jets import stepped_least_norm, stepped_null_space
@@ -85,6 +86,16 @@ class UnitMotion:
         """Inertia matrix of each link about its centre in ground axes, (n, L, 3, 3) in [kg m2]."""
         local = np.array([link.inertia.moments for link in self.mechanism.links if link.inertia])
         return self.rotation @ local @ np.swapaxes(self.rotation, -1, -2)
+
+    @cached_property
+    def named_laws(self) -> dict[str, Coupling]:
+        """All couplings of the mechanism by name."""
+        return self.mechanism.named_laws
+
+    @cached_property
+    def threads(self) -> dict[str, Joint]:
+        """Coupling -> screw joint, for the couplings of screws."""
+        return threads_of(self.mechanism)
 
     @cached_property
     def locked_rows(self) -> Rows:

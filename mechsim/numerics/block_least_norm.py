@@ -86,13 +86,13 @@ def block_least_norm(
     rest = {
         block: right[:, block[0], row_labels[block[0]] == block[1]] for group in groups for block in group
     }
+    free = [i for i, group in enumerate(groups) if not group]
     steps, weak = _eliminated(groups, rest, n)
     nothing = np.zeros((n, 0, k)), np.zeros((n, 0, 0))
     # columns that touch no rows are null vectors
     solved = {
-        i: (np.zeros((n, len(which), k)), np.broadcast_to(np.eye(len(which)), (n, len(which), len(which))))
-        for i, (_, which) in enumerate(numbers)
-        if not groups[i]
+        i: (np.zeros((n, count, k)), np.broadcast_to(np.eye(count), (n, count, count)))
+        for i, count in ((i, len(numbers[i][1])) for i in free)
     }
     nullity = sum(len(numbers[i][1]) for i in solved)
     for i in range(len(steps) - 1, -1, -1):
@@ -149,8 +149,8 @@ def _eliminated(
 ) -> tuple[list[_Step], NDArray[np.bool_]]:
     """Eliminate all blocks, and return the steps and at which instants A has a smaller rank, (n,).
 
-    Each step appends a group of columns. `rest` are the right-hand sides less the contributions of the
-    pivots, and is changed.
+    Each step appends a group of columns, and empties those that it transforms. `rest` are the right-hand
+    sides less the contributions of the pivots, and is changed.
     """
     touching = {block: {i for i, group in enumerate(groups) if block in group} for block in rest}
     scale = _scales(groups, n)
@@ -171,6 +171,8 @@ def _eliminated(
             continue
         counts = [groups[i][block].shape[2] for i in own]
         joined = _joined([groups[i] for i in own], counts)
+        for i in own:
+            groups[i] = {}
         basis, pivots, fewer = _pivots(joined.pop(block), rest.pop(block), scale[block[1]])
         rank, weak = pivots.shape[1], weak | fewer
         for other, values in joined.items():

@@ -14,7 +14,7 @@ from mechsim.compare.record_errors import lengths
 from mechsim.compare.tolerances import RecordInstants, Tolerance
 from mechsim.errors import AssemblyError
 from mechsim.kinematics.loops.motion import conditioning_of
-from mechsim.kinetics import DynamicModel, DynamicRun, Equilibrium, prescribed
+from mechsim.kinetics import DynamicModel, DynamicRun, Equilibrium, InverseDynamics, prescribed
 from mechsim.kinetics.dynamic_run import RunSegment
 from mechsim.kinetics.gaps import released, without_gaps
 from mechsim.kinetics.initial_state import InitialValues
@@ -24,7 +24,7 @@ from mechsim.mechanism.joint_kinds import KINDS
 from mechsim.mechanism.links import GROUND, Pose
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.motion import Motion, select_instants
-from mechsim.numerics.arrays import EPS, Array
+from mechsim.numerics.arrays import EPS, Array, worst
 from mechsim.numerics.resources import Progress, no_progress
 from mechsim.simulation.dynamics.forward_run import SteppedRun, start_of
 from mechsim.simulation.dynamics.static_state import StaticModel
@@ -82,6 +82,7 @@ def crosscheck_driven(
     run: Driven,
     model: DynamicModel,
     *,
+    solved: InverseDynamics | None = None,
     progress: Progress = no_progress,
 ) -> Verdict:
     """Compare a prescribed run with inverse dynamics at its own angles, speeds and accelerations.
@@ -89,6 +90,7 @@ def crosscheck_driven(
     Args:
         run: from `simulation.dynamics.prescribed_motion.driven`.
         model: the analytic side.
+        solved: inverse dynamics of the model, which is compared if it is of the instants of the run.
         progress: called with a text and the finished fraction.
     """
     motion = run.motion
@@ -97,9 +99,21 @@ def crosscheck_driven(
     instants = (motion.angle, motion.speed, motion.acceleration)
     # MuJoCo's model has negligible masses and moments where the mechanism has none
     model = replace(model, mechanism=with_accepted_inertia(model.mechanism))
-    study = prescribed(model, *instants, time=motion.time, as_run=motion, progress=progress)
+    if solved is None or run.method == "step" or not _of_instants(solved, model, motion):
+        solved = prescribed(model, *instants, time=motion.time, as_run=motion, progress=progress)
     conditioning = conditioning_of(model.solver.mechanism, motion)
-    return crosscheck_forces(run.forces, study.forces, method=run.method, conditioning=conditioning)
+    return crosscheck_forces(run.forces, solved.forces, method=run.method, conditioning=conditioning)
+
+
+def _of_instants(solved: InverseDynamics, model: DynamicModel, motion: Motion) -> bool:
+    """Return whether inverse dynamics is of the instants of a motion, to rounding, and of its inertias."""
+    links = zip(solved.model.mechanism.links, model.mechanism.links, strict=True)
+    if any(own.inertia is not other.inertia for own, other in links) or len(solved) != len(motion):
+        return False
+    forces, fastest = solved.forces, float(np.abs(motion.speed).max())
+    scales = 1.0, fastest, max(fastest**2, float(np.abs(motion.acceleration).max()))
+    own = forces.angle - motion.angle, forces.speed - motion.speed, forces.acceleration - motion.acceleration
+    return all(worst(difference) <= ROUNDING * scale for difference, scale in zip(own, scales, strict=True))
 
 
 def compared_segments(run: DynamicRun) -> tuple[RunSegment, ...]:

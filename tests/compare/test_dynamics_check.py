@@ -197,6 +197,26 @@ def test_a_torque_that_is_no_number_is_detected():
     assert crosscheck_driven(replace(result, outcome="diverged"), model).outcome == "diverged"
 
 
+def test_inverse_dynamics_that_is_solved_already_is_compared_if_it_is_of_the_same_instants():
+    result = driven(RIGHT, FORCES, speed=60.0, method="pose", samples=24)
+    model = ms.dynamics.dynamic_model(LINKAGE, FORCES, mechanism=RIGHT)
+    solved = ms.dynamics.prescribed(model, result.motion.angle, speed=60.0, time=result.motion.time)
+    assert crosscheck_driven(result, model, solved=solved).passed
+    wrong = replace(solved, forces=replace(solved.forces, torque=-solved.forces.torque))
+    assert not crosscheck_driven(result, model, solved=wrong).passed
+    # of other angles, speeds and inertias, and for a stepped run, it is not used
+    others = (
+        replace(wrong, forces=replace(wrong.forces, angle=wrong.forces.angle + 1e-9)),
+        replace(wrong, forces=replace(wrong.forces, speed=wrong.forces.speed * (1.0 + 1e-9))),
+        replace(wrong, forces=replace(wrong.forces, acceleration=wrong.forces.acceleration + 1e-5)),
+        replace(wrong, model=replace(model, mechanism=with_inertia(LINKAGE.mechanism, 7000.0))),
+    )
+    for other in others:
+        assert crosscheck_driven(result, model, solved=other).passed
+    stepped = driven(RIGHT, FORCES, speed=60.0, method="step", samples=24)
+    assert crosscheck_driven(stepped, model, solved=wrong).passed
+
+
 def three_armed(position):
     """Return a parallelogram with a third crank under gravity, with its unit motion by loop equations."""
     return ms.dynamics.dynamic_model(three_cranks(position), ms.Forces(gravity=(0.4, -9.81, 0.0)))

@@ -1,11 +1,16 @@
 """Dynamics of rows of many four-bars: no operation grows faster than their number."""
 
 import numpy as np
+from driven_mechanisms import sinusoidal
 from kinematics.test_exact_geometry import row_of_four_bars
 
+import mechsim as ms
 from mechsim.kinematics.loops import start
+from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.kinetics import equilibria, linearization, prescribed, prescribed_motion, reactions
 from mechsim.kinetics.model import dynamic_model
+from mechsim.mechanism.masses import with_inertia
+from mechsim.mechanism.motion_laws import make_motion_laws
 from mechsim.simulation import loop_jacobian, model_loops
 from mechsim.simulation.dynamics import inverse_dynamics
 from mechsim.simulation.dynamics.prescribed_motion import driven
@@ -102,3 +107,37 @@ def test_forces_of_a_row_in_mujoco_by_sparse_loops_are_those_of_whole_matrices(m
         assert np.abs(own.angular_acceleration - link.angular_acceleration).max() <= 1e-12 * largest
         assert np.abs(own.acceleration - link.acceleration).max() <= 1e-12 * largest
         assert np.abs(own.position - link.position).max() <= 1e-14
+
+
+def four_bars_alone(count):
+    """Return equal four-bars next to one another, each with a driver."""
+    links, joints = [], []
+    for i in range(count):
+        corners = [(i + x, y, 0.0) for x, y in ((0.0, 0.0), (0.1, 0.2), (0.5, 0.4), (0.6, 0.0))]
+        chain = ["ground", f"crank{i}", f"coupler{i}", f"rocker{i}", "ground"]
+        links += [ms.Link(name) for name in chain[1:4]]
+        joints += [
+            ms.Joint(f"{name}{i}", "revolute", ms.End(a, point), ms.End(b, point))
+            for name, a, b, point in zip("ABCD", chain, chain[1:], corners, strict=False)
+        ]
+    drivers = tuple(f"A{i}" for i in range(count))
+    return ms.Mechanism("alone", tuple(links), tuple(joints), drivers, {"P": ("rocker0", corners[2])})
+
+
+def test_each_of_many_four_bars_takes_the_torque_of_one():
+    records = {}
+    for count in (1, 16):
+        mechanism = with_inertia(four_bars_alone(count), diameter=0.01)
+        law = dict.fromkeys(mechanism.drivers, sinusoidal(0.1, 0.3, 6.0))
+        laws = make_motion_laws(mechanism, law, 0.5)
+        solver = KinematicSolver(mechanism, motion_laws=laws)
+        analytic = prescribed(dynamic_model(solver), t=np.linspace(0.0, 0.5, 6)).forces
+        records[count] = analytic, driven(mechanism, motion_laws=laws, samples=5).forces
+    for alone, many in zip(records[1], records[16], strict=True):
+        expected = alone.drives["A0"]
+        for torque in many.drives.values():
+            assert np.abs(torque - expected).max() <= 1e-10 * np.abs(expected).max()
+        for name in "ABCD":
+            force = alone.reactions[f"{name}0"].force
+            last = many.reactions[f"{name}15"].force
+            assert np.abs(last - force).max() <= 1e-10 * np.abs(force).max()

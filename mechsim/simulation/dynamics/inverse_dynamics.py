@@ -232,9 +232,10 @@ def _least(
     multipliers have the least norm, with rows scaled by `row_scale`.
     """
     scale = row_scale(loaded, jacobian.shape[0] + 1)
-    rows = jacobian.with_unit(loaded.loops.crank).scaled(scale)
+    rows = jacobian.scaled(scale)
     if loaded.model.nv >= SPARSE and (solved := _sparse_least(loaded, rows, inertia, scale * right)):
         return solved[0], scale * solved[1]
+    rows = rows.with_unit(loaded.loops.crank)
     count = max(1, CHUNK_NUMBERS // loaded.model.nv**2)
     chunks = [slice(i, i + count) for i in range(0, len(right), count)]
     solved = [_whole_least(rows.select(i), inertia.select(i), (scale * right)[i]) for i in chunks]
@@ -257,20 +258,28 @@ def _whole_least(rows: "SparseMatrices", inertia: "SparseMatrices", right: Array
 def _sparse_least(
     loaded: LoadedModel, rows: "SparseMatrices", inertia: "SparseMatrices", right: Array
 ) -> tuple[Array, Array] | None:
-    """Return the same of many degrees of freedom; None if rows are redundant, or the loops are not banded."""
+    """Return the same of many degrees of freedom; None if rows are redundant, or the loops are not banded.
+
+    The crank's value is prescribed, so that it is no unknown: as the path parameter it is in all equations
+    of drivers.
+    """
     from mechsim.numerics.banded import least_norm_systems
 
-    mass = inertia.values[inertia.rows == inertia.columns].mean(0)
+    crank, mass = loaded.loops.crank, inertia.values[inertia.rows == inertia.columns].mean(0)
     # in the units of the mean inertia
     metric = replace(inertia, values=inertia.values / mass)
-    systems = least_norm_systems(rows, loaded.bands, metric)
+    others = metric.without(crank).transposed.without(crank)
+    systems = least_norm_systems(rows.without(crank), loaded.bands, others)
     if systems is None or not systems.null_bases[1].all():
         return None
-    (x,), (opposite,) = systems.solved(
-        np.zeros((1, *right.shape[:1], systems.count)), right[None, :, systems.rows]
-    )
+    value, column = right[:, -1:], rows.column(crank).T
+    first = -value * np.delete(metric.column(crank).T, crank, 1)
+    second = (right[:, :-1] - value * column)[:, systems.rows]
+    (x,), (opposite,) = systems.solved(first[None], second[None])
+    x = np.insert(x, crank, value[:, 0], 1)
     multipliers = np.zeros_like(right)
     multipliers[:, systems.rows] = -mass[:, None] * opposite
+    multipliers[:, -1] = inertia.times(x.T)[crank] - (column * multipliers[:, :-1]).sum(1)
     return x, multipliers
 
 
