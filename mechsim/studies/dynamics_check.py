@@ -364,8 +364,8 @@ def _largest_values(
     """Return unit -> largest value in a run of all compared points or joints, since one of them may rest.
 
     Points that all rest on rotating links have the motions of the rotations at a characteristic length [m],
-    and links that do not rotate those of their points over it; rotations without acceleration have the
-    square of their rates.
+    and links that do not rotate those of their points over it; rotations and points without acceleration
+    have the square of their rates, over the characteristic length.
     """
     length = dynamic_model.mechanism.characteristic_length
     whole = {name: exact for name, _, (exact,) in _compared([run.motion], dynamic_model.mechanism)}
@@ -375,9 +375,10 @@ def _largest_values(
         largest[unit] = max(largest.get(unit, 0.0), float(np.abs(whole[name]).max()))
     least = _least_torque(run, dynamic_model)
     largest |= {u: max(largest[u], f) for u, f in (("N m", least), ("N", least / length)) if u in largest}
-    uniform = largest.get("rad/s", 0.0) ** 2
-    if largest.get("rad/s2", np.inf) < RESTING * uniform:
-        largest["rad/s2"] = uniform
+    for rate, acceleration, unit in (("rad/s", "rad/s2", 1.0), ("m/s", "m/s2", length)):
+        uniform = largest.get(rate, 0.0) ** 2 / unit
+        if largest.get(acceleration, np.inf) < RESTING * uniform:
+            largest[acceleration] = uniform
     for points, rotations in (("m", "rad"), ("m/s", "rad/s"), ("m/s2", "rad/s2")):
         rate = length * largest.get(rotations, 0.0)
         rotation = largest.get(points, 0.0) / length
