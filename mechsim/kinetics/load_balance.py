@@ -100,9 +100,12 @@ def load_curve(
             f"{name}: the load curve has {len(rows)} points from {between[0]:.6g} to {between[1]:.6g}; give "
             "a wider interval"
         )
-    q, values = curve.q.select(rows), values[rows]
-    rising = np.gradient(values) * np.gradient(displacement[rows]) > 0.0
-    turns = 1 + np.flatnonzero((np.diff(values)[1:] > 0.0) != (np.diff(values)[:-1] > 0.0))
+    q, values, signs = curve.q.select(rows), values[rows], np.sign(derivatives[rows])
+    # where the displacement turns back, the load has a pole, which is no limit point
+    joined = signs[1:] == signs[:-1]
+    rise = np.where(joined, np.diff(values), 0.0)
+    rising = (np.append(0.0, rise) + np.append(rise, 0.0)) * signs > 0.0
+    turns = 1 + np.flatnonzero(((rise[1:] > 0.0) != (rise[:-1] > 0.0)) & joined[1:] & joined[:-1])
     limits = [(*_limit_point(curve, quantity, int(rows[k])),) for k in turns]
     nearest = displacement[rows][turns]
     limit_points = np.reshape(limits, (-1, 2))

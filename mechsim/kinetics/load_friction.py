@@ -72,7 +72,9 @@ def friction_by_load(
         )
         force, moment = (np.linalg.norm(block, axis=(1, 2)) for block in (alone[:, :3], alone[:, 3:]))
         length = unit.mechanism.characteristic_length
-        scale = np.maximum(scale, (by_force + by_moment / length) * (force + moment / length))
+        # no less than 1 N m or that over the length, as the self-stresses are scaled: less is rounding
+        stress = np.maximum(force + moment / length, 1.0 / length)
+        scale = np.maximum(scale, (by_force + by_moment / length) * stress)
     loads = np.stack(terms, 1)
     base, response = loads[..., 0], loads[..., 1:]
     constant = [(ratio - 1.0) * item.constant for item, ratio in zip(coordinates, ratios, strict=True)]
@@ -97,10 +99,13 @@ def friction_by_load(
     if not solutions[i]:
         outcome, cause = "jammed", f"friction jams the mechanism, since no stable friction in {names} {grow}"
     elif loose[i].any():
+        item = coordinates[int(np.argmax(loose[i]))]
+        name, instead = f"joint {item.joint.name!r}", "a coefficient there"
+        if item.friction.coupling:
+            name, instead = f"coupling {item.friction.coupling!r}", "an efficiency"
         cause = (
-            f"the load of joint {coordinates[int(np.argmax(loose[i]))].joint.name!r} is undetermined, since "
-            "redundant constraints share it, and so is its friction; give `coulomb` instead of a coefficient "
-            "there"
+            f"the load of {name} is undetermined, since redundant constraints share it, and so is its "
+            f"friction; give `coulomb` instead of {instead}"
         )
     raise FrictionError(f"{labels[i]}: {cause}", outcome)
 

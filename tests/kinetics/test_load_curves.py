@@ -61,6 +61,16 @@ def test_the_curve_of_a_crank_is_that_of_inverse_dynamics():
     assert np.abs(torque - curve.load[order]).max() < 1e-12
 
 
+def test_dead_centres_are_poles_of_the_load_and_no_limit_points():
+    """A torque T on the crank is held by -T/x' on the slide, least where its rate x' is largest."""
+    press = changed_model("load_text_slider.toml", more="[forces]\ngravity = [0, 0, 0]\ncrank_torque = 2\n")
+    limits = ms.dynamics.load_curve(press, "slide").limit_points[:, 0]
+    angle = np.linspace(0.0, 2.0 * np.pi, 100001)
+    x = 0.03 * np.cos(angle) + np.sqrt(0.095**2 - (0.03 * np.sin(angle) - 0.01) ** 2)
+    rate = np.gradient(x, angle)
+    assert np.sort(limits) == pytest.approx([-2.0 / rate.max(), -2.0 / rate.min()], rel=1e-7)
+
+
 @pytest.mark.long
 def test_the_command_prints_limit_points(tmp_path, mechsim):
     table = tmp_path / "curve.csv"
