@@ -95,7 +95,7 @@ def _print(trace: AssemblyTrace, ranges: Ranges) -> None:
         names = ", ".join(sorted(exceeded))
         print_text(f"the curves continue beyond the limits of {names}, which solve and show keep")
     print_text(
-        f"complete: every assembly of the Assur groups at {trace.complete_at} crank angles is on a component"
+        f"complete: every assembly of the Assur groups at {trace.complete_at} positions of {driver} is on a component"
         if trace.complete_at
         else f"perhaps more: found from random starts; {trace.reason or 'some poses of groups do not close'}"
     )
