@@ -16,8 +16,11 @@ import structure
 GATES = {
     ("numerics.loop_solver", "numerics.banded"): "a hundred unknowns",
     ("kinematics.loops.constraints", "numerics.banded"): "a hundred unknowns",
+    ("kinematics.loops.constraints", "numerics.damped_band"): "a hundred unknowns",
     ("kinematics.loops.start", "numerics.damped_band"): "a hundred unknowns",
     ("kinematics.loops.start", "kinematics.loops.sparse_loops"): "many unknowns",
+    ("simulation.loop_jacobian", "numerics.banded"): "many unknowns",
+    ("simulation.model_loops", "numerics.banded"): "many unknowns",
     ("io.toml_reader", "io.toml_forces"): "forces in TOML",
     ("studies.validate", "studies.scene.own_settings"): "a MODEL in MJCF",
     ("io.scene_findings", "simulation.findings"): "a MODEL in MJCF",

@@ -94,11 +94,12 @@ def _print(trace: AssemblyTrace, ranges: Ranges) -> None:
     if exceeded:
         names = ", ".join(sorted(exceeded))
         print_text(f"the curves continue beyond the limits of {names}, which solve and show keep")
-    print_text(
-        f"complete: every assembly of the Assur groups at {trace.complete_at} positions of {driver} is on a component"
-        if trace.complete_at
-        else f"perhaps more: found from random starts; {trace.reason or 'some poses of groups do not close'}"
-    )
+    if trace.complete_at:
+        where = f"at {trace.complete_at} positions of {driver}"
+        print_text(f"complete: every assembly of the Assur groups {where} is on a component")
+    else:
+        reason = trace.reason or "some poses of groups do not close"
+        print_text(f"perhaps more: found from random starts; {reason}")
 
 
 def _quantity(value: float, unit: str) -> str:

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.graphs import cycle_count
 from mechsim.numerics.rank import least_norm
 
 # entry of a Jacobian below which it is rounding
@@ -464,3 +463,13 @@ class LeastNormSystems:
         independent = np.abs(multipliers).max((0, 2), initial=0.0) <= LARGEST * longest
         projected[:, ~independent] = 0.0
         return np.linalg.qr(projected.transpose(1, 2, 0))[0], independent
+
+
+def cycle_count(order: Sequence[int]) -> int:
+    """Return the number of cycles of a permutation."""
+    visited, count = [False] * len(order), 0
+    for node in range(len(order)):
+        count += not visited[node]
+        while not visited[node]:
+            visited[node], node = True, order[node]
+    return count

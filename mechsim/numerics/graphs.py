@@ -3,7 +3,7 @@
 Every `mechsim show` needs these functions; importing networkx takes 0.15 s of processor time.
 """
 
-from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Hashable, Iterable, Mapping
 from graphlib import TopologicalSorter
 from heapq import heappop, heappush
 from typing import TypeVar
@@ -35,16 +35,6 @@ def components(nodes: Iterable[Node], edges: Iterable[tuple[Node, Node]]) -> lis
             connected.append(reachable(neighbours, [node]))
             visited |= connected[-1]
     return connected
-
-
-def cycle_count(order: Sequence[int]) -> int:
-    """Return the number of cycles of a permutation."""
-    visited, count = [False] * len(order), 0
-    for node in range(len(order)):
-        count += not visited[node]
-        while not visited[node]:
-            visited[node], node = True, order[node]
-    return count
 
 
 def spanning_edges(edges: Iterable[tuple[Node, Node, Other]]) -> list[Other]:
