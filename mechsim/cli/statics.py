@@ -78,6 +78,8 @@ def statics(
     }
     torques = holding(model, initial=state) if state else {}
     ranges = holding_range(model, initial=state) if state else {}
+    moved = model.forces.motor or model.forces.actuators or model.forces.controllers
+    besides = ", besides the motors and controllers at rest" if moved else ""
     loaded = None if curve is None else _load_curve(model, curve, state)
     if output is not None:
         files.write_table(output, _columns(solutions, loaded))
@@ -89,12 +91,15 @@ def statics(
             )
         else:
             _print_equilibria(mechanism, solutions, assemblies)
+        if state and not torques and curve is None:
+            print_text("no driver can hold the initial configuration; dynamics inverse --drive names drivers")
         for driver, torque in torques.items():
             print_text(
                 f"{number(torque)} {mechanism.effort_unit(driver)} in {driver} hold the initial configuration"
+                f"{besides}"
             )
         for driver, (low, high) in ranges.items():
-            locking = ": self-locking" if low <= 0.0 <= high else ""
+            locking = ": self-locking" if low <= 0.0 <= high and not besides else ""
             unit = mechanism.effort_unit(driver) + locking
             print_text(f"with friction, so do {number(low)} to {number(high)} {unit}")
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from model_files import load_model
+from model_files import changed_model, load_model
 from scipy.integrate import solve_ivp
 
 import mechsim as ms
@@ -26,6 +26,17 @@ def test_a_gear_that_carries_nothing_loses_nothing_by_mujoco_too():
     verdict = crosscheck_driven(run, ms.dynamics.dynamic_model(source))
     assert verdict.passed, verdict
     assert run.forces.power_lost.max() < 1e-12 * run.forces.kinetic.max()
+
+
+def test_a_motor_that_balances_the_load_makes_no_hoist_self_locking(mechsim):
+    """The range of holding torques is 1 N m (2 - 1/0.8) to 1 N m/0.8, less the 1 N m of the motor."""
+    path = changed_model("efficiency_hoist.toml", efficiency=0.8)
+    command = ["dynamics", "statics", path, "--initial", "pinion.q=0.3", "--motor", "constant:1"]
+    out = " ".join(mechsim(*command, "--method", "none").out.split())
+    assert "initial configuration, besides the motors and controllers at rest" in out
+    assert "so do -0.25 to 0.25 N m masses" in out
+    loose = changed_model("efficiency_hoist.toml", ('drivers = ["pinion"]', "drivers = []"), efficiency=0.8)
+    assert "no driver can hold" in mechsim(*command[:2], loose, *command[3:5], "--method", "none").out
 
 
 def with_elastic_teeth(efficiency, rate, times):
