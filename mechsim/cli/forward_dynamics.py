@@ -116,7 +116,12 @@ def forward(
     ends: dict[str, Any] = {"turns": options.turns, "budget": options.budget}
     if turning and source.duration is None:
         ends["duration"] = np.inf
-    release = options.release(model, source, **ends)
+    release, laws = options.release(model, source, **ends), model.solver.motion_laws
+    lawful = () if laws.crank else laws.drivers
+    if idle := [name for name in lawful if name not in release.prescribed]:
+        notes.append(
+            f"{', '.join(idle)}: released, so that the motion laws do not act; --drive {idle[0]}=LAW keeps one"
+        )
     # rejects unknown names before the run
     release.quantities(options.quantities)
     if release.duration > LONG and options.turns is None:
