@@ -120,7 +120,7 @@ def forward(
     lawful = () if laws.crank else laws.drivers
     if idle := [name for name in lawful if name not in release.prescribed]:
         notes.append(
-            f"{', '.join(idle)}: released, so that the motion laws do not act; --drive {idle[0]}=LAW keeps one"
+            f"{', '.join(idle)}: released, so that motion laws do not act; --drive {idle[0]}=LAW keeps one"
         )
     # rejects unknown names before the run
     release.quantities(options.quantities)
