@@ -5,7 +5,7 @@ exact, determine a cubic. An interval is halved until its cubic, compared with f
 middle, shows that f has no root or is monotonic.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,7 @@ from mechsim.kinetics.linearization import (
     reduced_forces,
 )
 from mechsim.kinetics.state_quantities import joined_configurations
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import REVOLUTION, Array
 
 # longest and shortest step along a curve, in [rad] or characteristic lengths, and length on either side of
 # the start at which an open curve ends, such as that of a slider; and number of coordinates above which the
@@ -32,6 +32,8 @@ MAX_DEVIATION = 0.3
 HALVINGS, SAMPLES = 32, 9
 # multiple of the difference between cubic and force in the middle of an interval that bounds it elsewhere
 SAFETY = 4.0
+# change of the force after revolutions, relative to its derivative, that is rounding
+SAME_FORCE = 1e-9
 # most iterations of Newton's method between two points
 ITERATIONS = 100
 
@@ -133,9 +135,7 @@ def _one_way(
         to_start = difference(equations, q, start)
         ahead, distance = float(along @ to_start), float(np.linalg.norm(to_start))
         returned = 0.9 * distance < ahead <= 1.5 * step and along @ tangents[0] > 0.0
-        # a stop distinguishes angles that differ by revolutions
-        another = np.abs(q.values - start.values)[[*equations.sprung.values()]].max(initial=0.0) > np.pi
-        if len(lengths) > 1 and returned and not another:
+        if len(lengths) > 1 and returned and not _forces_differ(equations, start, q, tangent):
             return nodes, tangents, [*lengths, ahead], True
         moved, closed = displaced_states(
             equations, q, along[None, :, None], np.array([[step]]), np.zeros((1, 1))
@@ -148,6 +148,19 @@ def _one_way(
         nodes, tangents, lengths = [*nodes, moved.q], [*tangents, new[0]], [*lengths, step]
         step = min(longest, 2.0 * step)
     return nodes[:-1], tangents[:-1], lengths, False
+
+
+def _forces_differ(equations: EquationsOfMotion, start: Coordinates, q: Coordinates, tangent: Array) -> bool:
+    """Whether springs, stops or servos distinguish a configuration from itself after revolutions."""
+    units = equations.loops.units[:, None]
+    revolutions = REVOLUTION * units * np.round((q.values - start.values) / (REVOLUTION * units))
+    # a stop distinguishes angles that differ by revolutions
+    if np.abs(revolutions)[[*equations.sprung.values()]].any():
+        return True
+    both = start, replace(start, values=start.values + revolutions)
+    first, second = (reduced_forces(equations, each, tangent[None, :, None]) for each in both)
+    change = np.abs(second.force - first.force).max()
+    return bool(change > SAME_FORCE * np.abs(first.stiffness).max() + first.rounding.max())
 
 
 def tangents_next_to(equations: EquationsOfMotion, q: Coordinates, reference: Array) -> tuple[Array, Array]:

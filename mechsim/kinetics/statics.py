@@ -244,10 +244,21 @@ def _at_stops(
             )
             q = curve.configurations(interval, np.array([length]))
             stops = _holding_forces(equations, q, [name])
-            if stops[name] * side < 0.0:
+            if stops[name] * side < 0.0 and _same_revolution(curve, index, q, ranges[name]):
                 balanced = replace(equations, model=model.with_forces(with_stops(model.forces, stops)))
                 at_stop = _described(balanced, RestingState(q, True, 0, False))
                 yield replace(at_stop, stable=True, modes=(), stops=stops)
+
+
+def _same_revolution(
+    curve: EquilibriumCurve, index: int, q: Coordinates, limits: tuple[float, float]
+) -> bool:
+    """Whether a limit on a curve is that of the revolution in which the curve starts between the limits."""
+    low, high = limits
+    start, value = (float(each.values[index, 0]) for each in (curve.q, q))
+    within = low + (start - low) % REVOLUTION
+    closed = curve.forward is None or curve.equations.loops.tree.slides[index]
+    return bool(closed or within > high or low - CLOSED_GAP <= value + within - start <= high + CLOSED_GAP)
 
 
 def with_stops(forces: Forces, stops: Mapping[str, float]) -> Forces:

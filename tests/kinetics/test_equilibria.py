@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from model_files import copied
 from pendulums import WEIGHT
 
 import mechsim as ms
@@ -25,6 +26,22 @@ def test_the_holding_torque_agrees_with_inverse_dynamics_at_rest():
     assert ms.dynamics.holding(solver, WEIGHT, initial={"crank.q": 0.5})["crank"] == pytest.approx(
         exact, rel=1e-10
     )
+
+
+SERVO = """<mujoco><option gravity="0 0 -9.81"/><worldbody><body>
+<joint name="j" axis="0 1 0" limited="true" range="-170 170"/>
+<inertial pos="0.25 0 0" mass="1" diaginertia="0.01 0.01 0.01"/></body></worldbody>
+<actuator><position joint="j" kp="50"/></actuator></mujoco>"""
+
+
+@pytest.mark.parametrize("start", ["-10deg", "6deg", "170deg"])
+def test_a_servo_has_one_equilibrium_whatever_the_start_and_its_stops(start):
+    """The torque 50 N m/rad of a servo is not that after a revolution: 50 q = 9.81 (0.25) cos q."""
+    (equilibrium,) = ms.dynamics.equilibria(
+        ms.load(copied(SERVO, ".xml"), still=True), initial={"j.q": start}
+    )
+    assert 50.0 * equilibrium.q["j"] == pytest.approx(9.81 * 0.25 * np.cos(equilibrium.q["j"]), rel=1e-12)
+    assert not equilibrium.stops
 
 
 def test_small_vibrations_of_the_nonlinear_run_have_the_linear_frequency():
