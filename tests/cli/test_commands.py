@@ -26,10 +26,7 @@ def test_show_lists_every_assembly_mode(name, mechsim):
     assert len(result["assemblies"]) >= (1 if name == "bennett" else 2)
     chosen = catalog.make(name).positions([np.deg2rad(30.0)])
     gaps = [
-        max(
-            float(np.abs(np.array(item["points"][point]) - position[0]).max())
-            for point, position in chosen.items()
-        )
+        max(np.abs(item["points"][point] - position[0]).max() for point, position in chosen.items())
         for item in result["assemblies"]
     ]
     # the selected assembly mode is listed once

@@ -9,17 +9,11 @@ from mechsim.cli.earlier import changes_since
 
 def output(**worst):
     """Return an output with a check of tolerance 1e-6 m for each name; None is an error that is no number."""
-    checks = [
-        {
-            "quantity": name,
-            "method": "pose",
-            "unit": "m",
-            "worst": value,
-            "tolerance": 1e-6,
-            "passed": value is not None and value <= 1e-6,
-        }
-        for name, value in worst.items()
-    ]
+    checks = []
+    for name, value in worst.items():
+        passed = value is not None and value <= 1e-6
+        checks.append({"quantity": name, "method": "pose", "unit": "m", "worst": value})
+        checks[-1] |= {"tolerance": 1e-6, "passed": passed}
     return {"mechanisms": {"bar": {"checks": checks}}}
 
 

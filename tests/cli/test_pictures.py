@@ -4,21 +4,13 @@ import pytest
 import mechsim as ms
 from mechsim.pictures.render.frame_poses import frame_poses
 
-SMALL = ("--size", "96x72")
-
-
 INITIAL = ("--initial", "crank.q=-95deg")
 
 
 @pytest.mark.slow
 def test_frames_of_a_swinging_run_have_their_time():
-    run = ms.dynamics.run(
-        ms.load("four_bar"),
-        ms.Forces(gravity=(0.0, -9.81, 0.0)),
-        initial={"crank.q": "30deg"},
-        duration=0.6,
-        samples=12,
-    )
+    weight = ms.Forces(gravity=(0.0, -9.81, 0.0))
+    run = ms.dynamics.run("four_bar", weight, initial={"crank.q": "30deg"}, duration=0.6, samples=12)
     frames = frame_poses(ms.catalog.make("four_bar").mechanism, run.motion, run.motion.angle[:-1])
     np.testing.assert_array_equal(frames.time, run.time[:-1])
 

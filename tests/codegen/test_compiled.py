@@ -21,11 +21,9 @@ def errors(solver, name):
     """Return the largest errors of points and drive torques relative to their largest values."""
     table = reference_data.read(reference_data.folder(), name)
     motion = solver.solve(table.first, table.speed) if table.speed else solver.solve(t=table.first)
+    points = [(motion.points[point], exact) for point, exact in table.points.items()]
     pairs = {
-        name: [
-            (getattr(motion.points[point], name), getattr(exact, name))
-            for point, exact in table.points.items()
-        ]
+        name: [(getattr(mine, name), getattr(exact, name)) for mine, exact in points]
         for name in ("position", "velocity", "acceleration")
     }
     driven = (

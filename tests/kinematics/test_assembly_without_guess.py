@@ -73,24 +73,12 @@ def test_chains_that_end_in_welds_close_from_far_away():
         foot = (np.cos(leg), np.sin(leg), 0.0)
         for i, (a, b) in enumerate(pairwise(names)):
             point = foot if i == 0 else (0.0, 0.2, 0.6)
-            reference = tuple(np.roll(axes[i], 1))
-            joints.append(
-                ms.Joint(
-                    f"j{leg}{i}",
-                    "revolute",
-                    ms.End(a, point, tuple(axes[i]), reference),
-                    ms.End(b, (0.0,) * 3, tuple(axes[i]), reference),
-                )
-            )
+            axis, reference = tuple(axes[i]), tuple(np.roll(axes[i], 1))
+            ends = ms.End(a, point, axis, reference), ms.End(b, (0.0,) * 3, axis, reference)
+            joints.append(ms.Joint(f"j{leg}{i}", "revolute", *ends))
         links += [ms.Link(name) for name in names[1:]]
-        joints.append(
-            ms.Joint(
-                f"weld{leg}",
-                "fixed",
-                ms.End(names[-1], (0.3, 0.0, 0.0)),
-                ms.End("plate", foot, axis=(0.0, 0.0, (-1.0) ** leg)),
-            )
-        )
+        ends = ms.End(names[-1], (0.3, 0.0, 0.0)), ms.End("plate", foot, axis=(0.0, 0.0, (-1.0) ** leg))
+        joints.append(ms.Joint(f"weld{leg}", "fixed", *ends))
     mechanism = ms.Mechanism("legs", tuple(links), tuple(joints), (), {"P": ("plate", (0.0,) * 3)})
     loops, initial = tree_loops(mechanism, guessed_poses(mechanism), {})
     closed = all_closed(loops, disturbed(loops, initial))

@@ -9,21 +9,9 @@ from strategies import EPS, angles_of, rssrs, turns
 from mechsim import catalog
 from mechsim.errors import AssemblyError
 
-LAYOUTS = {
-    "general": catalog.make("rssr"),
-    "looper": catalog.make(
-        "rssr", crank=0.014, coupler=0.048, rocker=0.024, pivot=(0.039, -0.008, 0.004), gamma1=0.0, gamma2=0.0
-    ),
-    "needle": catalog.make(
-        "rssr",
-        crank=0.014,
-        coupler=0.063,
-        rocker=0.024,
-        pivot=(0.058, -0.015, 0.029),
-        gamma1=0.0,
-        gamma2=np.deg2rad(-60),
-    ),
-}
+LOOPER = catalog.make(
+    "rssr", crank=0.014, coupler=0.048, rocker=0.024, pivot=(0.039, -0.008, 0.004), gamma1=0.0, gamma2=0.0
+)
 
 
 @settings(max_examples=10)
@@ -46,16 +34,9 @@ def test_a_guided_coupler_keeps_its_angles_to_pin_and_rod(linkage, psi1, psi2, b
         assume(False)
     # as in the paper: a pin fixed in the crank, a direction fixed in the coupler
     c1, s1, c2, s2 = np.cos(psi1), np.sin(psi1), np.cos(psi2), np.sin(psi2)
-    pin_at_zero = np.array([-s1 * c2, c1 * c2, s2])
+    x, y, z = -s1 * c2, c1 * c2, s2
     c, s = np.cos(angles), np.sin(angles)
-    pin = np.stack(
-        [
-            np.full_like(c, pin_at_zero[0]),
-            pin_at_zero[1] * c - pin_at_zero[2] * s,
-            pin_at_zero[1] * s + pin_at_zero[2] * c,
-        ],
-        1,
-    )
+    pin = np.stack([np.full_like(c, x), y * c - z * s, y * s + z * c], 1)
     direction = motion.links["coupler"].rotation @ np.array([np.cos(beta2), 0.0, np.sin(beta2)])
     rod = (motion.points["P2"].position - motion.points["P3"].position) / linkage.coupler
     side = (direction * np.cross(pin, rod)).sum(1)
@@ -74,11 +55,10 @@ def test_the_guide_does_not_change_the_rocker_motion():
 
 @pytest.mark.parametrize("step", [0.0, 1e-9, -1e-9, 1e-13])
 def test_the_motion_is_smooth_where_the_published_form_is_singular(step):
-    linkage = LAYOUTS["looper"]
-    f = np.arccos(linkage.pivot[1] / linkage.crank) + step  # P4P2 x axis has no X-component there
-    point = linkage.solve([f]).points["P3"]
+    f = np.arccos(LOOPER.pivot[1] / LOOPER.crank) + step  # P4P2 x axis has no X-component there
+    point = LOOPER.solve([f]).points["P3"]
     for measured, exact in zip(
-        (point.position[0], point.velocity[0], point.acceleration[0]), rssr_p3(linkage, f), strict=True
+        (point.position[0], point.velocity[0], point.acceleration[0]), rssr_p3(LOOPER, f), strict=True
     ):
         assert np.linalg.norm(measured - exact) <= 1e-13 * np.linalg.norm(exact)
 

@@ -18,9 +18,7 @@ from mechsim.numerics.loop_solver import LoopSolver, loop_solver
 from mechsim.numerics.path_segments import CONTROL
 
 GALLERY = Path(__file__).parents[2] / "models" / "gallery"
-ANGLES = np.unique(
-    np.concatenate([np.linspace(-4 * np.pi, 4 * np.pi, 49), [1e-6, -3e-5, np.pi + 1e-4, 1e-3]])
-)
+ANGLES = np.unique([*np.linspace(-4 * np.pi, 4 * np.pi, 49), 1e-6, -3e-5, np.pi + 1e-4, 1e-3])
 
 
 def segments_tried(path, stops):
@@ -137,11 +135,8 @@ def test_change_points_are_detected_from_any_start(start):
     np.testing.assert_allclose(result, np.round(result), atol=1e-12)
     assert np.unique(np.round(result)).size == result.size >= 5
     # each is the middle of the segment that contains it
-    ends = np.sort(
-        np.concatenate(
-            [segment.nodes[[0, -1]] for segments in path.segments.values() for segment in segments]
-        )
-    )
+    segments = [segment for side in path.segments.values() for segment in side]
+    ends = np.sort(np.concatenate([segment.nodes[[0, -1]] for segment in segments]))
     for branch_point in path.change_points:
         after = np.searchsorted(ends, branch_point)
         # the segment is placed about an estimate from one side of the change point, a double root, so that

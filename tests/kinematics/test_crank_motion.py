@@ -18,32 +18,29 @@ LENGTHS = {"ground": 0.1, "crank": 0.06, "coupler": 0.03, "rocker": 0.05}
 
 
 def swinging(**coupling) -> ms.Mechanism:
-    """Return a four-bar with a swinging crank and a wheel or a slide coupled to it."""
+    """Return a four-bar with a swinging crank and a wheel coupled to it."""
     mechanism = ms.catalog.make("four_bar", **LENGTHS).mechanism
     if not coupling:
         return mechanism
-    kind = "revolute" if coupling["turns"] else "prismatic"
-    coupled = ms.Joint("coupled", kind, end_at(GROUND, (0.2, 0.0, 0.0)), end_at("wheel"))
+    coupled = ms.Joint("coupled", "revolute", end_at(GROUND, (0.2, 0.0, 0.0)), end_at("wheel"))
     start = mechanism.start
     coordinate = coupling["coefficients"][0] + coupling["coefficients"][1] * start
     guess = dict(mechanism.guess)
     c, s = np.cos(coordinate), np.sin(coordinate)
-    rotation = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) if coupling["turns"] else np.eye(3)
-    guess["wheel"] = ms.Pose(np.array([0.2, 0.0, 0.0 if coupling["turns"] else coordinate]), rotation)
+    rotation = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    guess["wheel"] = ms.Pose(np.array([0.2, 0.0, 0.0]), rotation)
     whole = replace(
         mechanism,
         links=(*mechanism.links, ms.Link("wheel")),
         joints=(*mechanism.joints, coupled),
-        couplings=(ms.Coupling("law", "coupled", "crank", **coupling),),
+        couplings=(ms.Coupling("law", "coupled", "crank", turns=True, **coupling),),
     )
     return whole.with_guess(guess, start)
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("revolutions", [pytest.param(1, marks=pytest.mark.slow), -2])
-@pytest.mark.parametrize(
-    "wheel", [{}, {"turns": True, "coefficients": (0.3, 2.0)}, {"turns": True, "coefficients": (0.3, -1.0)}]
-)
+@pytest.mark.parametrize("wheel", [{}, {"coefficients": (0.3, 2.0)}, {"coefficients": (0.3, -1.0)}])
 def test_a_swing_counted_on_another_revolution_has_the_same_motion(wheel, revolutions):
     mechanism = swinging(**wheel)
     angles = mechanism.start + np.array([0.5, -0.3, 0.1])
@@ -64,11 +61,10 @@ def test_a_swing_counted_on_another_revolution_has_the_same_motion(wheel, revolu
 
 @pytest.mark.long
 @pytest.mark.parametrize(
-    ("ratio", "turns", "revolutions", "same"),
-    [(1.5, True, 1, False), (1.5, True, -2, True), (1.0 + 1e-9, True, 1, False)],
+    ("ratio", "revolutions", "same"), [(1.5, 1, False), (1.5, -2, True), (1.0 + 1e-9, 1, False)]
 )
-def test_geared_links_must_repeat_on_another_revolution(ratio, turns, revolutions, same):
-    mechanism = swinging(turns=turns, coefficients=(0.003, ratio))
+def test_geared_links_must_repeat_on_another_revolution(ratio, revolutions, same):
+    mechanism = swinging(coefficients=(0.003, ratio))
     angles = mechanism.start + revolutions * REVOLUTION + np.array([0.2])
     if same:
         wheel = ms.loops.solve(mechanism, angles).links["wheel"].rotation[0]

@@ -12,6 +12,8 @@ from mechsim.kinematics.solvers import KinematicSolver
 
 SPEED = 7.0
 ANGLES = np.array([0.3, 1.1, 2.9, 4.4])
+QUANTITIES = [("points", name) for name in ("position", "velocity", "acceleration")]
+QUANTITIES += [("joints", name) for name in ("value", "rate")]
 
 
 def neighbouring_motions(designs: DesignFamily, name, angles, speed, relative_step=1e-5):
@@ -37,16 +39,11 @@ def test_derivatives_agree_with_finite_differences(model, options, names):
     angles = solver.mechanism.start + ANGLES[:3] if rotating else ANGLES[:2] / 10.0 * solver.motion_laws.rate
     speed = SPEED if rotating else solver.motion_laws.rate
     result = motion_derivatives(solver, changes(designs, names), angles, speed)
-    kinds = {"points": ("position", "velocity", "acceleration"), "joints": ("value", "rate")}
     for name in names:
         neighbours, step = neighbouring_motions(designs, name, angles, speed)
-        for kind, quantity in (
-            (kind, quantity) for kind, quantities in kinds.items() for quantity in quantities
-        ):
-            reported = {
-                item: getattr(motion_derivative, quantity)
-                for item, motion_derivative in getattr(result.by[name], kind).items()
-            }
+        for kind, quantity in QUANTITIES:
+            derivatives = getattr(result.by[name], kind)
+            reported = {item: getattr(derivatives[item], quantity) for item in derivatives}
             # closed forms do not report joints of several coordinates
             shared = [item for item in reported if item in getattr(neighbours[0], kind)]
             scale = max(0.1, *(np.abs(reported[item]).max() for item in shared))

@@ -20,12 +20,8 @@ def test_the_period_without_forces_follows_from_the_reduced_inertia():
 def test_a_crank_turns_back_at_its_dead_centre():
     linkage = catalog.make("four_bar", crank=0.2, rocker=0.19, coupler=0.05, ground=0.1)
     start = linkage.mechanism.start
-    run = dynamics.run(
-        dynamics.dynamic_model(linkage, Forces()),
-        initial={"crank.q": start, "crank.v": 5.0},
-        turns=1.0,
-        samples=4,
-    )
+    model = dynamics.dynamic_model(linkage, Forces())
+    run = dynamics.run(model, initial={"crank.q": start, "crank.v": 5.0}, turns=1.0, samples=4)
     assert run.outcome == "turned back"
     ahead = min((end - start) % (2.0 * np.pi) for end in linkage.dead_centres())
     assert run.motion.angle[-1] - start == pytest.approx(ahead, abs=1e-9)

@@ -7,6 +7,8 @@ import mechsim as ms
 from mechsim.kinematics.formulas import many_designs as md
 
 ANGLES = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
+QUANTITIES = [("points", name) for name in ("position", "velocity", "acceleration")]
+QUANTITIES += [("joints", name) for name in ("value", "rate", "acceleration")]
 VARIED = {
     "four_bar": ("crank", "coupler", "arm_angle", "ground", "branch"),
     "slider_crank": ("crank", "rod", "offset"),
@@ -53,17 +55,11 @@ def test_each_design_agrees_with_its_own_closed_form(name):
     for i in range(full.sum()):
         alone = single_design(solver, varied, i).solve(ANGLES, 2.0)
         rows = slice(i * len(ANGLES), (i + 1) * len(ANGLES))
-        for kind, quantities in (
-            ("points", ("position", "velocity", "acceleration")),
-            ("joints", ("value", "rate", "acceleration")),
-        ):
+        for kind, quantity in QUANTITIES:
             for item, exact in getattr(alone, kind).items():
-                for quantity in quantities:
-                    result = getattr(getattr(together, kind)[item], quantity)[rows]
-                    expected = getattr(exact, quantity)
-                    np.testing.assert_allclose(
-                        result, expected, rtol=1e-10, atol=1e-11 * np.abs(expected).max()
-                    )
+                result = getattr(getattr(together, kind)[item], quantity)[rows]
+                expected = getattr(exact, quantity)
+                np.testing.assert_allclose(result, expected, rtol=1e-10, atol=1e-11 * np.abs(expected).max())
 
 
 @pytest.mark.long

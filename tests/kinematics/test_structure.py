@@ -19,26 +19,16 @@ from mechsim.mechanism.mechanism import Mechanism
 JointPositions = Mapping[str, tuple[str, str, tuple[float, float]]]
 
 
-def planar(
-    joint_positions: JointPositions,
-    *,
-    gears: tuple[Gear, ...] = (),
-) -> Mechanism:
-    """Return a planar mechanism whose link frames coincide with the ground frame at the start."""
+def planar(joint_positions: JointPositions) -> Mechanism:
+    """Return a planar mechanism with geared cranks; link frames are the ground frame at the start."""
     names = dict.fromkeys(link for a, b, _ in joint_positions.values() for link in (a, b) if link != GROUND)
     joints = []
     for name, (a, b, (x, y)) in joint_positions.items():
         point = (1e-3 * x, 1e-3 * y, 0.0)
         joints.append(Joint(name, "revolute", End(a, point, EZ, EX), End(b, point, EZ, EX)))
-    return Mechanism(
-        name="drawn",
-        links=tuple(Link(name) for name in names),
-        joints=tuple(joints),
-        driver="crank",
-        points={},
-        gears=gears,
-        guess=dict.fromkeys(names, IDENTITY),
-    )
+    links, gears = tuple(Link(name) for name in names), (Gear("crank", "crank2", 1.5),)
+    guess = dict.fromkeys(names, IDENTITY)
+    return Mechanism("drawn", links, tuple(joints), "crank", {}, gears=gears, guess=guess)
 
 
 def knitter() -> Mechanism:
@@ -84,11 +74,8 @@ def test_welded_links_have_the_structure_of_single_links():
     joints = [
         replace(joint, b=replace(joint.b, link=welds.get(joint.name, joint.b.link))) for joint in whole.joints
     ]
-    joints += [
-        Joint(f"weld of {joint.name}", "fixed", End(joint.b.link), End(welds[joint.name]))
-        for joint in whole.joints
-        if joint.name in welds
-    ]
+    for name, piece in welds.items():
+        joints.append(Joint(f"weld of {name}", "fixed", End(whole.joint(name).b.link), End(piece)))
     # and a loose plate lies on the plane
     joints.append(Joint("plate", "planar", End(GROUND), End("plate")))
     links = (*whole.links, *(Link(piece) for piece in welds.values()), Link("plate"))
@@ -140,7 +127,7 @@ def generated_chains(draw: st.DrawFn, most: int = 3) -> tuple[Mechanism, list[tu
         placed += links
         groups.append((kind, set(links)))
     shuffled = draw(st.permutations(list(positions)))
-    return planar({name: positions[name] for name in shuffled}, gears=(Gear("crank", "crank2", 1.5),)), groups
+    return planar({name: positions[name] for name in shuffled}), groups
 
 
 @given(generated_chains())

@@ -142,13 +142,6 @@ def test_a_linkage_that_reverses_on_the_line_is_rejected():
     assert np.abs(passage(path, c, angles + 1e-3).error).max() < 1e-15
 
 
-def test_loop_equations_agree_on_the_synthesised_linkage(paper):
-    angles = np.linspace(*sorted(paper.angles[[0, -1]]), 7)
-    ours, theirs = paper.design.positions(angles), ms.loops.solve(paper.design.mechanism, angles, 1.0)
-    for name, position in ours.items():
-        assert np.abs(position - theirs.points[name].position).max() <= 1e-14
-
-
 def test_the_deviation_from_an_unreachable_curve_is_reported():
     y = np.linspace(-1.0, 1.0, 41)
     result = follow_curve(

@@ -89,11 +89,8 @@ def test_every_solid_is_drawn_in_its_own_colour(solver):
 
 
 def test_a_body_as_light_as_the_background_is_drawn_darker(file):
-    path = file(
-        SCENE.replace('size="0.1 0.02 0.03"', 'size="0.1 0.02 0.03" rgba="0.9 1 0.8 0.5"').replace(
-            "0 0.5 0 1", "0.7 0.7 0.7 1"
-        )
-    )
+    text = SCENE.replace('size="0.1 0.02 0.03"', 'size="0.1 0.02 0.03" rgba="0.9 1 0.8 0.5"')
+    path = file(text.replace("0 0.5 0 1", "0.7 0.7 0.7 1"))
     bodies = file_bodies(ms.load(path).source)
     (box,) = bodies["ground"]
     rgb = np.array(box.rgba[:3])

@@ -37,15 +37,13 @@ def holes_in_dxf(text):
 
 def holes_in_svg(text):
     """Return title -> as `holes_in_dxf`."""
-    return {
-        group.findtext(f"{SVG}title"): np.array(
-            [
-                [float(circle.get("cx")), float(circle.get("cy")), 2.0 * float(circle.get("r"))]
-                for circle in group.iter(f"{SVG}circle")
-            ]
-        )
-        for group in ElementTree.fromstring(text)[0]
-    }
+    result = {}
+    for group in ElementTree.fromstring(text)[0]:
+        circles = [
+            [float(circle.get(key)) for key in ("cx", "cy", "r")] for circle in group.iter(f"{SVG}circle")
+        ]
+        result[group.findtext(f"{SVG}title")] = np.reshape(circles, (-1, 3)) * [1.0, 1.0, 2.0]
+    return result
 
 
 def distances(holes):

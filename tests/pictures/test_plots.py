@@ -142,13 +142,9 @@ def test_a_fixed_point_is_drawn_flat_with_a_note_on_rounding(linkage, motion):
     """A pin on the frame whose coordinates and rates have a rounding error of 1e-17."""
     noise = 1e-17 * np.random.default_rng(3).normal(size=(3, len(motion), 3))
     position = np.array([0.03, -0.02, 0.01])
-    pin = replace(
-        next(iter(motion.points.values())),
-        position=position + noise[0],
-        velocity=100.0 * noise[1],
-        acceleration=1e4 * noise[2],
-    )
     name, moving = next(iter(motion.points.items()))
+    rates = {"velocity": 100.0 * noise[1], "acceleration": 1e4 * noise[2]}
+    pin = replace(moving, position=position + noise[0], **rates)
     both = replace(motion, points={"pin": pin, name: moving})
     figure = ms.plots.motion_plot(both)
     for row in range(3):

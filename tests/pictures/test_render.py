@@ -54,18 +54,8 @@ def crank_motion(angles):
 
 def decoded(path, size):
     """Return the frames of a video decoded by ffmpeg: (n, height, width, 3)."""
-    command = [
-        render.find_ffmpeg(),
-        "-v",
-        "error",
-        "-i",
-        str(path),
-        "-f",
-        "rawvideo",
-        "-pix_fmt",
-        "rgb24",
-        "-",
-    ]
+    command = [render.find_ffmpeg(), "-v", "error", "-i", str(path)]
+    command += ["-f", "rawvideo", "-pix_fmt", "rgb24", "-"]
     raw = subprocess.run(command, capture_output=True, check=True).stdout
     return np.frombuffer(raw, np.uint8).reshape(-1, size[1], size[0], 3)
 

@@ -129,11 +129,8 @@ def test_the_drawn_rotor_of_a_wankel_engine_stays_in_its_housing():
 def test_springs_in_joints_have_a_spiral_or_two_ends(tmp_path):
     pivot = ms.load(str(ELEMENTS / "torsion_spring.toml"), still=True)
     assert torsion_springs(pivot.mechanism, pivot.forces) == ("hip",)
-    spiral = [
-        shape
-        for shape in link_shapes(pivot.mechanism, forces=pivot.forces)["arm"]
-        if shape.kind == "capsule" and shape.rgba == STEEL
-    ]
+    arm = link_shapes(pivot.mechanism, forces=pivot.forces)["arm"]
+    spiral = [shape for shape in arm if shape.kind == "capsule" and shape.rgba == STEEL]
     radii = [float(np.hypot(*shape.to[:2])) for shape in spiral]
     assert len(radii) == 50
     assert (np.diff(radii) > 0.0).all()

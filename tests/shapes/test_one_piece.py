@@ -88,9 +88,8 @@ def test_shapes_on_the_ground_reach_the_floor_or_wall(kind):
             flat = planar_normals(mechanism)
             if not flat:
                 ground = [*ground, *camera.stands(ground, unit_vector("y"), floor, radius)]
-            lowest = np.array(
-                [shape.bounds[0][:, 2 if flat else 1].min() - shape.bounds[1] for shape in ground]
-            )
+            up = 2 if flat else 1
+            lowest = np.array([shape.bounds[0][:, up].min() - shape.bounds[1] for shape in ground])
             for piece in pieces(ground, radius):
                 assert lowest[piece].min() < lowest.min() + 1.5 * radius
 
@@ -99,11 +98,9 @@ def test_only_the_lowest_of_stacked_bearings_gets_a_post():
     axis = (0.0, 1.0, 0.0)
     sleeve = Joint("sleeve", "cylindrical", End(GROUND, axis=axis), End("guest", axis=axis))
     mechanism, shapes = of_joints(SHAFT, sleeve, travel={"sleeve": (0.0, 0.1)})
-    posts = [
-        s
-        for s in camera.stands(shapes[GROUND], unit_vector("y"), -0.2, rod_radius(mechanism))
-        if s.sizes[0] < 2.0 * rod_radius(mechanism)
-    ]
+    radius = rod_radius(mechanism)
+    stands = camera.stands(shapes[GROUND], unit_vector("y"), -0.2, radius)
+    posts = [shape for shape in stands if shape.sizes[0] < 2.0 * radius]
     under = [post for post in posts if abs(post.frm[0]) < 1e-9 and abs(post.frm[2]) < 1e-9]
     assert len(posts) == 2
     assert [post.frm[1] < 0.0 for post in under] == [True]

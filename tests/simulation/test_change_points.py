@@ -23,13 +23,8 @@ OTHERS = [
     ),
 ]
 # frame and crank differ by a twentieth, and its coupler turns fast near the flat configuration
-NEARLY_FLAT = catalog.make(
-    "four_bar",
-    ground=0.08234220504898089,
-    crank=0.0786613480083382,
-    coupler=0.11849674876387652,
-    rocker=0.12217760580451921,
-)
+LENGTHS = (0.08234220504898089, 0.0786613480083382, 0.11849674876387652, 0.12217760580451921)
+NEARLY_FLAT = catalog.make("four_bar", **named(LENGTHS))
 FLAT = [NEARLY_FLAT, *(catalog.make("four_bar", **named(item)) for item in change_point_lengths(9)), *OTHERS]
 
 
@@ -39,10 +34,8 @@ def assert_same_motion(motion, exact, length, bounds):
         result = motion.points[name]
         scales = length, np.abs(point.velocity).max(), np.abs(point.acceleration).max()
         for kind, scale, limit in zip(("position", "velocity", "acceleration"), scales, bounds, strict=True):
-            assert np.abs(getattr(result, kind) - getattr(point, kind)).max() <= limit * scale, (
-                name,
-                kind,
-            )
+            error = np.abs(getattr(result, kind) - getattr(point, kind)).max()
+            assert error <= limit * scale, (name, kind)
 
 
 @pytest.mark.long

@@ -91,18 +91,13 @@ def test_the_cut_joint_is_farthest_from_the_crank_in_any_joint_order():
     for joints in permutations(rows(FOUR_BAR)):
         tree = cut_loops(chain(*joints))
         assert [joint.name for joint in tree.cuts] == ["B"]
-        assert {(item.joint.name, item.direction) for item in tree.branches} == {
-            ("crank", 1),
-            ("A", 1),
-            ("C", 1),
-        }
+        directions = {item.joint.name: item.direction for item in tree.branches}
+        assert directions == {"crank": 1, "A": 1, "C": 1}
         backwards = cut_loops(chain(*(replace(joint, a=joint.b, b=joint.a) for joint in joints)))
         assert [joint.name for joint in backwards.cuts] == ["B"]
-        assert {(item.parent.link, item.child.link, item.direction) for item in backwards.branches} == {
-            ("ground", "crank", -1),
-            ("crank", "coupler", -1),
-            ("ground", "rocker", -1),
-        }
+        assert {item.direction for item in backwards.branches} == {-1}
+        parents = {item.child.link: item.parent.link for item in backwards.branches}
+        assert parents == {"crank": "ground", "coupler": "crank", "rocker": "ground"}
 
 
 def test_the_distance_of_a_joint_is_counted_along_moving_links():

@@ -1,5 +1,4 @@
 import tracemalloc
-from dataclasses import replace
 
 import mechanisms
 import mujoco
@@ -116,12 +115,8 @@ def test_an_impassable_dead_centre_is_rejected_with_its_angle() -> None:
 
 
 def test_a_diverged_run_reports_its_finite_motion() -> None:
-    run = simulate(
-        ms.catalog.make("rssr").mechanism,
-        speed=62.0,
-        turns=5.0,
-        settings=ms.Settings(integrator="Euler", steps_per_turn=100, constant_steps=0.1),
-    )
+    coarse = ms.Settings(integrator="Euler", steps_per_turn=100, constant_steps=0.1)
+    run = simulate(ms.catalog.make("rssr").mechanism, speed=62.0, turns=5.0, settings=coarse)
     assert run.outcome == "diverged"
     assert run.motion.broken
     assert run.summary()["estimate"] is None
@@ -133,10 +128,8 @@ def test_a_diverged_run_reports_its_finite_motion() -> None:
 
 def test_the_estimate_of_a_compliant_loop_is_within_a_factor_of_two() -> None:
     linkage = ms.catalog.make("rssr")
-    soft = ms.Settings(
-        integrator="Euler", steps_per_turn=100, solref=(0.02, 1.0), compliance=1.0, refsafe=True
-    )
-    soft = replace(soft, solimp=(0.9, 0.95, 0.001, 0.5, 2.0))
+    contact = {"solref": (0.02, 1.0), "solimp": (0.9, 0.95, 0.001, 0.5, 2.0), "refsafe": True}
+    soft = ms.Settings(integrator="Euler", steps_per_turn=100, compliance=1.0, **contact)
     run = simulate(linkage.mechanism, speed=rpm(600.0), settings=soft)
     error = largest_difference(run.motion, linkage.solve(run.motion.angle, run.motion.speed))
     assert 1e-4 < error < 1e-2

@@ -13,12 +13,8 @@ from mechsim.simulation.source import from_source
 
 RADIUS = 0.05
 # across both flat poses, at them and close to them
-ANGLES = np.unique(
-    [
-        *np.linspace(0.2, 0.2 + 4.0 * np.pi, 50),
-        *(k * np.pi + error for k in (1, 2, 3) for error in (-1e-4, 0.0, 1e-6)),
-    ]
-)
+FLAT = np.add.outer(np.pi * np.arange(1, 4), [-1e-4, 0.0, 1e-6])
+ANGLES = np.unique([*np.linspace(0.2, 0.2 + 4.0 * np.pi, 50), *FLAT.ravel()])
 
 
 def arcs(coupler, rocker):

@@ -348,11 +348,8 @@ def test_a_dimension_with_a_wrong_formula_is_omitted(monkeypatch):
     def wrong(*args):
         vectors = dict(translated(*args))
         for key, (x, y, z) in vectors.items():
-            vectors[key] = (
-                Formula(x.javascript, lambda si, x=x: x.value(si) + 1e-4 * si["crank"], x.toml),
-                y,
-                z,
-            )
+            off = Formula(x.javascript, lambda si, x=x: x.value(si) + 1e-4 * si["crank"], x.toml)
+            vectors[key] = (off, y, z)
         return vectors
 
     monkeypatch.setattr(geometry, "translated_vectors", wrong)

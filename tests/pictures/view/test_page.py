@@ -65,12 +65,7 @@ def dragged(window, fraction):
     box = "(b => [b.left, b.top + b.height / 2, b.width])(slider0.getBoundingClientRect())"
     x, y, width = window.run(box)
     now = window.run("(slider0.value - slider0.min) / (slider0.max - slider0.min)")
-    window.drag(
-        *(
-            (x + 8 + fraction_of_width * (width - 16), y)
-            for fraction_of_width in (now, (now + fraction) / 2.0, fraction)
-        )
-    )
+    window.drag(*((x + 8 + share * (width - 16), y) for share in (now, (now + fraction) / 2.0, fraction)))
     return window.run("+slider0.value")
 
 

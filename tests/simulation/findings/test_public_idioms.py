@@ -52,8 +52,5 @@ def test_catalogue_models_have_only_redundant_constraint_findings(name):
     # a planar linkage has a redundant constraint normal to its plane; Bennett's linkage is overconstrained
     repeats = [(item.object, item.value) for item in result if item.kind == "redundant"]
     assert len(result) == len(repeats)
-    assert repeats == {
-        "bennett": [("B, B+", 4)],
-        "four_bar": [("loops", 1)],
-        "slider_crank": [("loops", 1)],
-    }.get(name, [])
+    planar = [("loops", 1)]
+    assert repeats == {"bennett": [("B, B+", 4)], "four_bar": planar, "slider_crank": planar}.get(name, [])
