@@ -10,7 +10,9 @@ MAIN = "import sys; sys.argv[0] = 'mechsim'; from mechsim.cli import main; main(
 def process(*command, folder=None, **variables):
     """Run a command in a folder, with changed environment variables, of which None removes one."""
     environment = {name: value for name, value in (os.environ | variables).items() if value is not None}
-    options = {"cwd": folder, "env": environment, "capture_output": True, "text": True, "encoding": "utf-8"}
+    # a process may print in the encoding of its system
+    text = {"encoding": "utf-8", "errors": "backslashreplace"}
+    options = {"cwd": folder, "env": environment, "capture_output": True, **text}
     return subprocess.run([*map(str, command)], check=False, timeout=120, **options)
 
 

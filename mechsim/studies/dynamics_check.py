@@ -101,6 +101,8 @@ def crosscheck_driven(
     model = replace(model, mechanism=with_accepted_inertia(model.mechanism))
     if solved is None or run.method == "step" or not _of_instants(solved, model, motion):
         solved = prescribed(model, *instants, time=motion.time, as_run=motion, progress=progress)
+    else:
+        progress("forces", 1.0)
     conditioning = conditioning_of(model.solver.mechanism, motion)
     return crosscheck_forces(run.forces, solved.forces, method=run.method, conditioning=conditioning)
 

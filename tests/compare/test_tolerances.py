@@ -148,6 +148,9 @@ def test_explicit_tolerances_have_a_unit_or_are_relative():
 def test_a_tolerance_can_have_its_own_scale():
     row = replace(QUANTITIES["position"], bounds={"pose": ToleranceRule("", 1e-3, scale="reach")})
     assert tolerances_of([row], "pose", motion_scales(0.5, 2.0, 0.8), Requested())["position"].value == 0.8e-3
+    # of 0.5 m, to which no request adds anything
+    row = replace(row, bounds={"pose": ToleranceRule("", 1e-3, requested=1.0)})
+    assert tolerances_of([row], "pose", motion_scales(0.5, 2.0, 0.8), Requested())["position"].value == 0.5e-3
 
 
 # scales
