@@ -5,10 +5,11 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
+from every_force import every_force
 from grids import grid
 
 from mechsim import catalog, dynamics, load_profile
-from mechsim.mechanism.forces import Forces, Friction, JointSpring, Load, Spring
+from mechsim.mechanism.forces import Forces, Friction
 from mechsim.mechanism.motors import ConstantTorque, DCMotor
 from mechsim.mechanism.scene import Scene
 from mechsim.simulation.dynamics.prescribed_motion import driven
@@ -20,25 +21,12 @@ SPEED = 20.0 * np.pi
 GRAVITY = (0.3, -9.81, 0.5)
 
 
-def push(angle):
-    return np.stack([np.sin(angle), np.cos(2.0 * angle), 1.0 + 0.0 * angle], 1)
-
-
-def every_force(name: str) -> Forces:
-    """Return forces of every kind that the mechanism's joints allow."""
-    mechanism = catalog.make(name).mechanism
-    tip = list(mechanism.points)[-1]
-    straight = [joint.name for joint in mechanism.joints if joint.kind in ("revolute", "prismatic")]
-    planar = name in ("four_bar", "slider_crank", "warp_knitter")
-    return Forces(
-        gravity=GRAVITY,
-        friction=tuple(Friction(joint, 1e-3, 1e-2 if planar else 0.0) for joint in straight),
-        springs=(Spring(tip, ("ground", (0.1, 0.2, 0.3)), 10.0, 0.01, 0.3),),
-        joint_springs=tuple(JointSpring(joint, 0.3, 0.12) for joint in straight),
-        loads=(Load(tip, load_profile.function(push, width=3)),),
-        crank_torque=load_profile.function(lambda x: 0.1 + 0.2 * np.cos(x)),
-        flywheel=1.2e-3,
-    )
+def forces_of(name: str) -> Forces:
+    """Return forces of every kind, dry friction only in planar mechanisms."""
+    dry = None if name in ("four_bar", "slider_crank", "warp_knitter") else ()
+    forces = every_force(catalog.make(name).mechanism, dry=dry)
+    crank_torque = load_profile.function(lambda x: 0.1 + 0.2 * np.cos(x))
+    return replace(forces, crank_torque=crank_torque, flywheel=1.2e-3)
 
 
 def model_of(name: str, forces: Forces) -> dynamics.DynamicModel:
@@ -49,7 +37,7 @@ def model_of(name: str, forces: Forces) -> dynamics.DynamicModel:
 @pytest.mark.parametrize("method", ["pose", "step"])
 @pytest.mark.parametrize("name", grid(catalog.MECHANISMS))
 def test_torque_reactions_and_energies_agree_under_every_kind_of_force(name, method):
-    model = model_of(name, every_force(name))
+    model = model_of(name, forces_of(name))
     run = driven(model.mechanism, model.forces, speed=SPEED, method=method, samples=36)
     verdict = crosscheck_driven(run, model)
     assert verdict.passed, verdict
@@ -74,7 +62,7 @@ def test_forces_of_a_slow_crank_under_gravity_are_correct():
 
 @pytest.mark.parametrize("name", grid(catalog.MECHANISMS))
 def test_a_model_with_all_forces_is_read_back_exactly(name):
-    forces = replace(every_force(name), motor=DCMotor(12.0, 1.3, 0.0123))
+    forces = replace(forces_of(name), motor=DCMotor(12.0, 1.3, 0.0123))
     spec = assembled(catalog.make(name).mechanism, Scene(level="dynamics", forces=forces))
     model = spec.compile()
     back = mujoco.MjModel.from_xml_string(to_xml(spec))

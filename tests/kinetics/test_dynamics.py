@@ -4,13 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from every_force import every_force
 from model_files import stated_mechanism
 
 from mechsim import catalog, dynamics, load_profile
 from mechsim.errors import AssemblyError, InputError
 from mechsim.kinetics import prescribed_motion
 from mechsim.kinetics.reduced_equation import kinetic_energy_of_links
-from mechsim.mechanism.forces import Forces, Friction, JointSpring, Load, Spring
+from mechsim.mechanism.forces import Forces, Friction, Load
 from mechsim.mechanism.links import GROUND, Inertia
 
 GRAVITY = (0.3, -9.81, 2.1)
@@ -25,21 +26,11 @@ def with_inertias(mechanism, **inertias):
 
 
 def all_forces(linkage):
-    """Return forces of every kind that the mechanism supports."""
-    mechanism = linkage.mechanism
-    point = list(mechanism.points)[-1]
-    slot = [joint.name for joint in mechanism.joints if joint.kind in ("revolute", "prismatic")][-1]
-    return Forces(
-        gravity=GRAVITY,
-        flywheel=2e-5,
-        friction=(Friction(slot, 1e-3, 2e-2), Friction("crank", 1e-4, 1e-3)),
-        springs=(Spring((GROUND, (0.02, 0.03, 0.11)), point, 50.0, 0.03, 0.2),),
-        joint_springs=(JointSpring(slot, 0.3, 0.1),),
-        loads=(
-            Load(point, load_profile.function(lambda x: np.stack([np.cos(x), x, 1.0 + 0.0 * x], 1), width=3)),
-        ),
-        crank_torque=load_profile.function(lambda x: 0.01 + 0.02 * np.cos(x) + 0.03 * np.sin(x)),
-    )
+    """Return forces of every kind, also at the crank and over its angle."""
+    forces = every_force(linkage.mechanism)
+    push = load_profile.function(lambda x: np.stack([np.cos(x), x, 1.0 + 0.0 * x], 1), width=3)
+    torque = load_profile.function(lambda x: 0.01 + 0.02 * np.cos(x) + 0.03 * np.sin(x))
+    return replace(forces, flywheel=2e-5, loads=(Load(forces.loads[0].location, push),), crank_torque=torque)
 
 
 @pytest.fixture(scope="module", params=FULL)
@@ -55,7 +46,7 @@ def test_virtual_power_and_newton_euler_give_the_same_torque(linkage):
 
 
 def test_the_reduced_equation_gives_the_same_torque(linkage):
-    forces = replace(all_forces(linkage), loads=(), crank_torque=None)
+    forces = replace(all_forces(linkage), loads=(), couples=(), crank_torque=None)
     model = dynamics.dynamic_model(linkage, forces)
     torque = dynamics.prescribed(model, ANGLES, 80.0, 900.0).second_torque
     own = dynamics.reduced(model, ANGLES).torque(80.0, 900.0)

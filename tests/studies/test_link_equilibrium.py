@@ -11,13 +11,13 @@ import equilibrium
 import gear_trains
 import numpy as np
 import pytest
+from every_force import every_force
 from model_files import stated_mechanism
 
 import mechsim as ms
 from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.mechanism.force_record import ForceRecord
-from mechsim.mechanism.forces import Couple
-from mechsim.mechanism.links import GROUND
+from mechsim.mechanism.joint_kinds import KINDS
 from mechsim.mechanism.motion_laws import make_motion_laws
 from mechsim.simulation.dynamics.prescribed_motion import driven
 
@@ -25,6 +25,8 @@ ROBUSTNESS = Path(__file__).parents[2] / "validation" / "robustness"
 GALLERY = Path(__file__).parents[2] / "models" / "gallery"
 # seeds of random linkages that cover every kind of joint, gears, a rack and polynomials
 LINKAGES = (16, 17, 19, 22, 33, 38, 43, 54)
+# joints with friction that the check describes
+RUBBING = ("revolute", "prismatic", "spherical", "cylindrical", "screw")
 TRAINS = (0, 1, 2, 3)
 METHODS = ("analytic", "MuJoCo")
 # relative to the largest force; measured rounding at most 5e-15
@@ -84,19 +86,19 @@ def linkage(seed: int) -> Case:
         case_data.names[i]: machines.sinusoidal(start[i], 0.05 * swing, 2.0, 0.3)
         for i, swing in zip(case_data.drivers, case_data.amplitudes, strict=True)
     }
-    return Case(mechanism, acting(mechanism, length), laws)
+    return Case(mechanism, acting(mechanism), laws)
 
 
 @cache
 def train(seed: int) -> Case:
     mechanism = gear_trains.train(seed)
-    return Case(mechanism, acting(mechanism, 0.1), {"crank": machines.sinusoidal(0.1, 0.5, 3.0, 0.4)})
+    return Case(mechanism, acting(mechanism), {"crank": machines.sinusoidal(0.1, 0.5, 3.0, 0.4)})
 
 
 @cache
 def spindle_and_rack(spindle_first: bool) -> Case:
     mechanism = gear_trains.spindle_and_rack(0, spindle_first)
-    return Case(mechanism, acting(mechanism, 0.1), {"crank": machines.sinusoidal(0.1, 0.5, 3.0, 0.4)})
+    return Case(mechanism, acting(mechanism), {"crank": machines.sinusoidal(0.1, 0.5, 3.0, 0.4)})
 
 
 @cache
@@ -104,14 +106,14 @@ def of_gallery(name: str) -> Case:
     solver = ms.load(str(GALLERY / f"{name}.toml"))
     mechanism = ms.dynamics.dynamic_model(solver).mechanism
     wave = machines.sinusoidal(mechanism.start + 0.1, 0.2, 3.0, 0.4)
-    return Case(mechanism, acting(mechanism, mechanism.characteristic_length), {mechanism.driver: wave})
+    return Case(mechanism, acting(mechanism), {mechanism.driver: wave})
 
 
 def sinusoidally_driven(mechanism: ms.Mechanism, **waves: tuple[float, ...]) -> Case:
     """Return a mechanism with rods for its inertias, whose drivers move sinusoidally."""
     whole = ms.dynamics.dynamic_model(mechanism).mechanism
     laws = {name: machines.sinusoidal(*wave) for name, wave in waves.items()}
-    return Case(whole, acting(whole, whole.characteristic_length), laws)
+    return Case(whole, acting(whole), laws)
 
 
 def locked_rack() -> ms.Mechanism:
@@ -121,29 +123,12 @@ def locked_rack() -> ms.Mechanism:
     return replace(whole, driver=("crank",), couplings=(mesh,), locked={"cam": 0.01})
 
 
-def acting(mechanism: ms.Mechanism, length: float) -> ms.Forces:
-    """Return forces of every kind: weight, springs, friction, a load and a couple."""
-    driven_joints = {joint.name: joint.kind for joint in mechanism.driven_joints}
-    rubbing = []
-    for joint in mechanism.joints:
-        # dry friction only in moving joints: at rest it has no direction
-        dry = 0.1 * length if joint.name in driven_joints else 0.0
-        if joint.kind in ("revolute", "prismatic", "spherical"):
-            rubbing.append(ms.Friction(joint.name, 5.0 * length**2, dry))
-        if joint.kind in ("cylindrical", "screw"):
-            rubbing.append(ms.Friction(joint.name, 10.0, 0.0, 5.0 * length**2, 0.0))
-    wound = [
-        ms.JointSpring(name, 0.3 * length, 0.1) for name, kind in driven_joints.items() if kind == "revolute"
-    ]
-    points, (link, *_) = [*mechanism.points], mechanism.links
-    return ms.Forces(
-        gravity=(1.0, -9.81, 3.0),
-        friction=tuple(rubbing),
-        springs=(ms.Spring((GROUND, (length, 2.0 * length, -length)), points[0], 50.0, 0.5 * length, 2.0),),
-        joint_springs=tuple(wound),
-        loads=(ms.Load(points[-1], ms.load_profile.constant((7.0, 5.0, -6.0))),),
-        couples=(Couple(link.name, ms.load_profile.constant((length, 2.0 * length, -3.0 * length))),),
-    )
+def acting(mechanism: ms.Mechanism) -> ms.Forces:
+    """Return forces of every kind, dry friction only in moving joints: at rest it has no direction."""
+    driven_joints = [joint.name for joint in mechanism.driven_joints if not KINDS[joint.kind].mixed]
+    forces = every_force(mechanism, RUBBING, driven_joints, viscous=5.0)
+    springs = tuple(item for item in forces.joint_springs if item.joint in driven_joints)
+    return replace(forces, joint_springs=springs)
 
 
 CASES = {
