@@ -9,7 +9,7 @@ import mechsim as ms
 from mechsim.simulation import simulate
 
 SPEED = 62.8
-RSSR, FOUR_BAR, SLIDER = map(ms.catalog.make, ("rssr", "four_bar", "slider_crank"))
+RSSR, FOUR_BAR = map(ms.catalog.make, ("rssr", "four_bar"))
 
 
 def motion_of(linkage, speed=SPEED, samples=72, **options) -> ms.Motion:
@@ -48,19 +48,6 @@ def test_a_run_with_soft_loops_fails_with_its_error() -> None:
     verdict = ms.crosscheck(motion_of(RSSR, settings=ms.Settings(steps_per_turn=30)), RSSR, tolerance=1e-9)
     assert_rejected(verdict)
     assert "beyond the tolerance: position of P3 by" in verdict.reason
-
-
-def test_velocities_of_another_instant_fail() -> None:
-    motion = motion_of(RSSR, settings=ms.Settings(steps_per_turn=1000), samples=1000)
-    point = motion.points["P3"]
-    late = replace(point, velocity=np.roll(point.velocity, 1, 0))
-    assert not ms.crosscheck(replace(motion, points={**motion.points, "P3": late}), RSSR).passed
-
-
-def test_a_crank_too_fast_by_a_thousandth_fails_only_the_drive_check() -> None:
-    verdict = ms.crosscheck(motion_of(SLIDER, speed=1.001 * SPEED), SLIDER, speed=SPEED)
-    assert_rejected(verdict)
-    assert all(check.title.startswith("drive") for check in verdict.checks if not check.passed)
 
 
 def test_a_closed_form_out_of_reach_is_reported(revolution) -> None:

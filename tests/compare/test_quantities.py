@@ -8,16 +8,11 @@ import pytest
 import mechsim as ms
 from mechsim.compare.crosscheck import crosscheck_forces
 from mechsim.compare.quantities import (
-    CRANK_DRIVE,
-    DRIVERS,
     FORCES,
     MOTION,
-    QUANTITIES,
     force_scales,
-    motion_scales,
     stroke_of,
 )
-from mechsim.compare.tolerances import Requested
 
 ANGLES, SPEED = np.linspace(0.1, 5.9, 31), 20.0
 GRAVITY = ms.Forces(gravity=(0.3, -9.81, 0.5), friction=(ms.Friction("crank", 1e-3, 1e-2),))
@@ -130,18 +125,3 @@ def test_a_check_has_a_title_of_variant_method_quantity_and_subject():
     assert replace(check, method="step", variant="guided").title == "guided, step: position of P3"
     assert ms.Check(kind="axes and gears", **numbers).title == "axes and gears"
     assert replace(check, kind="loop", subject="").title == "loop residual"
-
-
-def test_larger_requests_have_wider_tolerances():
-    position = QUANTITIES["position"].bounds["step"].tolerance("m", 0.3, Requested(1e-6, scale=0.3))
-    assert position.value == 1e-6
-    assert position.reason == "requested: 3e-06 of the stroke of 0.3 m"
-
-
-def test_every_quantity_has_a_scale_and_a_reason_for_each_tolerance():
-    scales = {*motion_scales(1.0, 1.0), *force_scales(EXACT)}
-    assert len(QUANTITIES) == len(MOTION) + len(CRANK_DRIVE) + len(DRIVERS) + len(FORCES)
-    for row in QUANTITIES.values():
-        assert row.scale in scales
-        assert row.bounds
-        assert all(limit.reason and (limit.fixed or limit.requested) for limit in row.bounds.values())

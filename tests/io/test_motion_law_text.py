@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mechsim.errors import InputError
-from mechsim.io.law_text import parse_motion_law, time_function
+from mechsim.io.law_text import parse_motion_law
 
 TIMES = np.linspace(0.1, 0.9, 17)
 
@@ -34,65 +34,27 @@ def made(text, unit="rad", start=0.3):
         ("sqrt((3mm)**2 + (4mm*t)**2)", "m", np.hypot(0.003, 0.004 * TIMES)),
         ("atan2(3mm*t, 1mm)", "rad", np.arctan(3 * TIMES)),
         ("1e-3*t + 2e1deg*t", "rad", (1e-3 + np.pi / 9) * TIMES),
+        (
+            "exp(-t)*log(2+t)*tan(0.5*t)**3/sqrt(1+t)",
+            "rad",
+            np.exp(-TIMES) * np.log(2 + TIMES) * np.tan(TIMES / 2) ** 3 / np.sqrt(1 + TIMES),
+        ),
+        (
+            "asin(0.9*t) + acos(0.8*t) - atan(t)",
+            "rad",
+            np.arcsin(0.9 * TIMES) + np.arccos(0.8 * TIMES) - np.arctan(TIMES),
+        ),
         ("min(10deg, 20deg*t)", "rad", np.minimum(10, 20 * TIMES) * np.pi / 180),
     ],
 )
-def test_a_motion_law_gives_the_position_of_its_driver(text, unit, value):
-    np.testing.assert_allclose(made(text, unit).state(TIMES)[0], value, rtol=1e-14)
-
-
-def complex_step(text, time):
-    """Return value and rate of an expression by a complex step, evaluated by Python."""
-    names = {item: getattr(np, item) for item in ("sin", "cos", "tan", "exp", "log", "sqrt", "pi")}
-    names |= {"asin": np.arcsin, "acos": np.arccos, "atan": np.arctan}
-    result = eval(text.replace("/1rad", ""), {**names, "t": time + 1e-30j})
-    return result.real, result.imag / 1e-30
-
-
-@st.composite
-def expressions(draw, depth=3):
-    """Draw an expression of t that is finite and smooth from 0.1 to 0.9."""
-    if depth == 0:
-        return draw(st.sampled_from(["t", "0.7", "(t + 0.3)", "(2*t)"]))
-    item = draw(expressions(depth - 1))
-    kind = draw(st.integers(0, 7))
-    if kind < 3:
-        other = draw(expressions(depth - 1))
-        return f"({item} {draw(st.sampled_from(['+', '-', '*']))} {other})"
-    # angles are divided by their unit: their products and powers are no angles
-    patterns = [
-        "sin({})",
-        "cos({})",
-        "exp(-({})**2)",
-        "log(2 + ({})**2)",
-        "sqrt(1 + ({})**2)",
-        "atan({})/1rad",
-        "asin(0.9*sin({}))/1rad",
-        "acos(0.9*cos({}))/1rad",
-        "tan(0.5*sin({}))",
-        "({})**3",
-        "1/(1 + ({})**2)",
-        "1.5**sin({})",
-    ]
-    return draw(st.sampled_from(patterns)).format(item)
-
-
-@pytest.mark.long
-@given(expressions())
-@settings(deadline=None, max_examples=60)
-def test_rates_of_an_expression_are_exact(text):
-    state = time_function(f"({text}) + 0*t", "rad")[1]
-    value, rate, second = state(TIMES)
-    expected, first = complex_step(f"({text}) + 0*t", TIMES)
-    # differences of the exact rate check the second derivative
-    step = 1e-5
-    by_differences = (state(TIMES + step)[1] - state(TIMES - step)[1]) / (2 * step)
-    for result, other, exact in (
-        (value, expected, 1e-12),
-        (rate, first, 1e-12),
-        (second, by_differences, 1e-6),
-    ):
-        np.testing.assert_allclose(result, other, rtol=exact, atol=exact * (1 + np.abs(other).max()))
+def test_a_motion_law_gives_position_and_rates_of_its_driver(text, unit, value):
+    state = made(text, unit).state
+    np.testing.assert_allclose(state(TIMES)[0], value, rtol=1e-14)
+    # rates by central differences, away from a corner
+    times, step = TIMES + 0.01, 1e-5
+    before, after = (np.stack(state(times + sign * step)[:2]) for sign in (-1.0, 1.0))
+    rates = np.stack(state(times)[1:])
+    np.testing.assert_allclose(rates, (after - before) / (2.0 * step), rtol=1e-7, atol=1e-7)
 
 
 @given(st.text(alphabet="0123456789.+-*/() tsincodegrmpiahx=[],_'", max_size=24))

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from every_force import every_force
 from kinematics.test_exact_geometry import row_of_four_bars
 from kinetics.test_bushings import MOUNT
 from model_files import FOLDER, load_model
@@ -24,7 +25,7 @@ from mechsim.kinetics.right_hand_side import RightHandSide
 from mechsim.mechanism.actuators import Actuator
 from mechsim.mechanism.bristle_friction import with_bristles
 from mechsim.mechanism.coupling_functions import TabledFunction, WrittenFunction
-from mechsim.mechanism.forces import Couple, Forces, Friction, JointSpring, Load, Spring, located
+from mechsim.mechanism.forces import Couple, Forces, Friction, Load, Spring
 from mechsim.mechanism.joint_kinds import KINDS
 from mechsim.mechanism.joints import Coupling
 from mechsim.mechanism.load_profile import constant, function, table
@@ -50,37 +51,18 @@ MODELS = [
 ]
 
 
-def every_force(mechanism):
-    """Return forces of every kind in every place of a mechanism where they may act."""
-    kinds = {joint.name: KINDS[joint.kind] for joint in mechanism.joints}
-    frictions = [
-        Friction(name, 0.3, 0.2, *((0.1, 0.4) if kind.mixed else ()))
-        for name, kind in kinds.items()
-        if kind.dof not in (0, 6)
-    ]
-    joint_springs = [JointSpring(name, 3.0, 0.2) for name, kind in kinds.items() if kind.single]
-    moving = [name for name in mechanism.points if located(mechanism, name)[0] != "ground"]
-    springs = [Spring(name, ("ground", (0.3, -0.2, 0.4)), 50.0, 0.1, 2.0) for name in moving[:3]]
-    loads = [Load(name, constant([1.0, -2.0, 3.0])) for name in moving[:2]]
-    couples = [Couple(link.name, constant([0.1, 0.2, -0.3])) for link in mechanism.links]
-    crank = mechanism.has_crank and mechanism.crank.a.link == "ground"
-    return Forces(
-        gravity=(0.5, -9.81, 1.0),
-        friction=tuple(frictions),
-        springs=tuple(springs),
-        joint_springs=tuple(joint_springs),
-        loads=tuple(loads),
-        couples=tuple(couples),
-        crank_torque=constant(0.7) if crank else None,
-        flywheel=0.02 if crank else 0.0,
-        motor=TorqueSpeedLine(2.0, 30.0) if crank else None,
-    )
+def with_crank_forces(mechanism):
+    """Return forces of every kind, also at a crank on the ground."""
+    forces = every_force(mechanism, [name for name, kind in KINDS.items() if kind.dof not in (0, 6)])
+    if not mechanism.has_crank or mechanism.crank.a.link != "ground":
+        return forces
+    return replace(forces, crank_torque=constant(0.7), flywheel=0.02, motor=TorqueSpeedLine(2.0, 30.0))
 
 
 def both(model, seed, forces=None, time=0.0):
     """Return the derivatives of a state at a time by numpy and by C."""
     source = ms.load(model, still=True)
-    acting = every_force(source.mechanism) if forces is None else forces
+    acting = with_crank_forces(source.mechanism) if forces is None else forces
     equations = equations_of_motion(ms.dynamics.dynamic_model(source, acting))
     layout, random = StateLayout(equations), np.random.default_rng(seed)
     rates = np.zeros((equations.loops.tree.count, 1))
@@ -385,42 +367,31 @@ def test_a_damaged_library_is_compiled_again(fresh_library):
     assert run_of().executed == "C"
 
 
-@pytest.mark.long
-def test_many_runs_are_the_runs_one_by_one():
-    angles = np.linspace(-1.0, 1.0, 5)
-    runs = ms.dynamics.run_many(
-        "four_bar", initial={"crank.q": angles, "crank.v": 2.0}, duration="0.3s", samples=6
-    )
-    assert set(runs["executed"].values) == {"C"}
-    for i, angle in enumerate(angles):
-        single = run_of(initial={"crank.q": angle, "crank.v": 2.0})
-        position, energy = single.motion.points["B"].position[-1, 0], single.kinetic[-1]
-        np.testing.assert_allclose(runs["B.x"][i, -1], position, atol=1e-12)
-        np.testing.assert_allclose(runs["kinetic"][i, -1], energy, rtol=1e-9)
+WITH_FRICTION = Forces(gravity=(0.0, -9.81, 0.0), friction=(Friction("crank", coulomb=1e-5),))
+# forces, initial values and cranks of many runs; those with friction are taken one by one
+MANY = {
+    "states": (None, {"crank.q": np.linspace(-1.0, 1.0, 5), "crank.v": [2.0] * 5}, None),
+    "friction": (WITH_FRICTION, {"crank.q": [0.0, 0.5]}, None),
+    "designs": (None, {"crank.q": [0.2, 0.3]}, [0.028, 0.032]),
+}
 
 
-@pytest.mark.long
-def test_many_runs_with_friction_are_taken_one_by_one():
-    friction = Forces(gravity=(0.0, -9.81, 0.0), friction=(Friction("crank", coulomb=1e-5),))
-    runs = ms.dynamics.run_many(
-        "four_bar", friction, initial={"crank.q": [0.0, 0.5]}, duration=0.1, samples=4
-    )
-    single = ms.dynamics.run("four_bar", friction, initial={"crank.q": 0.5}, duration=0.1, samples=4)
-    np.testing.assert_allclose(runs["lost"][1], single.lost, rtol=1e-12)
-    assert float(runs["lost"][1, -1]) > 0.0
-
-
-def test_many_designs_are_the_runs_one_by_one():
-    cranks, start = [0.028, 0.032], {"crank.q": [0.2, 0.3]}
-    runs = ms.dynamics.run_many(
-        "four_bar", initial=start, parameters={"crank": cranks}, duration=0.1, samples=2
-    )
-    np.testing.assert_array_equal(runs["parameter crank"], cranks)
-    for i, crank in enumerate(cranks):
-        design = ms.load("four_bar", {"crank": crank}, still=True)
-        single = ms.dynamics.run(design, initial={"crank.q": start["crank.q"][i]}, duration=0.1, samples=2)
+@pytest.mark.parametrize("case", marked(MANY, ["designs"]))
+def test_many_runs_are_the_runs_one_by_one(case):
+    forces, initial, cranks = MANY[case]
+    options = {"duration": 0.1, "samples": 4}
+    changed = {"parameters": {"crank": cranks}} if cranks else {}
+    runs = ms.dynamics.run_many("four_bar", forces, initial=initial, **changed, **options)
+    assert case == "friction" or set(runs["executed"].values) == {"C"}
+    for i in range(len(initial["crank.q"])):
+        design = ms.load("four_bar", {"crank": cranks[i]} if cranks else {}, still=True)
+        start = {name: values[i] for name, values in initial.items()}
+        single = ms.dynamics.run(design, forces, initial=start, **options)
         np.testing.assert_allclose(runs["B.x"][i], single.motion.points["B"].position[:, 0], atol=1e-12)
-    with pytest.raises(ms.InputError, match="a name, a file or a function"):
-        ms.dynamics.run_many(design, parameters={"crank": cranks}, duration=0.1)
-    with pytest.raises(ms.InputError, match="krank"):
-        ms.dynamics.run_many("four_bar", parameters={"krank": cranks}, duration=0.1)
+        np.testing.assert_allclose(runs["kinetic"][i], single.kinetic, rtol=1e-9, atol=1e-18)
+        np.testing.assert_allclose(runs["lost"][i], single.lost, rtol=1e-12)
+    assert (float(runs["lost"][-1, -1]) > 0.0) == (case == "friction")
+    if cranks:
+        np.testing.assert_array_equal(runs["parameter crank"], cranks)
+        with pytest.raises(ms.InputError, match="a name, a file or a function"):
+            ms.dynamics.run_many(design, parameters={"crank": cranks}, duration=0.1)

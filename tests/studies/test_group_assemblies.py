@@ -89,14 +89,11 @@ def test_without_closed_forms_the_list_is_not_called_complete(name):
     assert len(every) >= 4
 
 
-def test_a_spatial_mechanism_is_rejected():
-    solver = ms.load("sarrus")
-    with pytest.raises(InputError, match="not planar"):
-        group_assemblies(solver.mechanism, poses_of(solver, 0.1))
-
-
-@pytest.mark.parametrize(("name", "reason"), [("cam_follower", "curve or cam"), ("belt_drive", "coupling")])
-def test_curves_and_couplings_belong_to_no_group(name, reason):
+@pytest.mark.parametrize(
+    ("name", "reason"),
+    [("cam_follower", "curve or cam"), ("belt_drive", "coupling"), ("sarrus", "not planar")],
+)
+def test_curves_couplings_and_spatial_mechanisms_belong_to_no_group(name, reason):
     solver = ms.load(name)
     with pytest.raises(InputError, match=reason):
         group_assemblies(solver.mechanism, poses_of(solver, 0.1))
