@@ -3,12 +3,12 @@
 from dataclasses import replace
 
 import numpy as np
-from model_files import stated_mechanism
+from model_files import changed_model, stated_mechanism
 
 from mechsim import loops, simulate
 from mechsim.io.readers import load
 from mechsim.io.toml_writer import to_toml
-from mechsim.kinematics.loops.start import with_closed_guess
+from mechsim.kinematics.loops.start import start_poses, with_closed_guess
 from mechsim.mechanism.joints import End, Joint
 from mechsim.mechanism.links import GROUND, Link, Pose
 from mechsim.mechanism.motion_laws import Arcs
@@ -25,6 +25,15 @@ def test_both_methods_start_from_the_assembled_configuration():
     result = simulate(mechanism, speed=1.0, turns=0.2, method="pose").motion
     exact = loops.solve(SPHERICAL, result.angle)
     assert max(difference.max() for difference in result.position_errors(exact).values()) < 1e-13
+
+
+def test_a_cylinder_without_a_guess_has_the_length_between_its_guessed_ends():
+    barrel = "barrel = { at = [0.5, -0.2, 0], turn = { axis = [0, 0, 1], angle = 1 } }"
+    path = changed_model("driven_mechanisms_boom.toml", ("start = { stroke = 0.7 }", ""), (barrel, ""))
+    _, values = start_poses(load(path).mechanism)
+    # from the foot to the head on the boom, which keeps its guess
+    length = np.hypot(np.cos(0.5) - 0.5, np.sin(0.5) + 0.2)
+    assert np.abs([values["lift"] - 0.5, values["stroke"] - length]).max() < 1e-14
 
 
 def test_an_assembled_file_is_written_and_read_back(tmp_path):

@@ -497,17 +497,18 @@ def closed_start(mechanism: Mechanism) -> tuple[Mechanism, str]:
     move only if the loops do not close at their stated values. The note is a sentence on distant stated
     values; empty if the assembly is near them.
     """
-    stated = mechanism
+    stated, left = mechanism, False
     try:
         assembly = _nearest(stated, stated.guess_coordinates)
     except AssemblyError:
         try:
-            # drivers may leave their stated values
+            # drivers may leave their values, of which those that no start and no guess states are 0
             values = initial_coordinates(mechanism)
             drivers = {name: values.get(name, 0.0) for name in mechanism.drivers}
             coordinates = {**mechanism.guess_coordinates, **drivers}
             stated = replace(mechanism, driver=(), guess_coordinates=coordinates)
-            assembly = _nearest(stated, stated.guess_coordinates)
+            left = not values.keys().isdisjoint(drivers)
+            assembly = _nearest(stated, {name: coordinates[name] for name in coordinates if name in values})
         except AssemblyError:
             return mechanism, ""
     poses, values = _poses_and_values(assembly.loops, assembly.q)
@@ -520,7 +521,8 @@ def closed_start(mechanism: Mechanism) -> tuple[Mechanism, str]:
         coordinates = revolutions | {name: values[name] for name in stated.guess_coordinates}
         start = values[mechanism.drivers[0]] if mechanism.has_crank else mechanism.start
         started = replace(mechanism, guess=poses, start=start, guess_coordinates=coordinates)
-        return started, f"{_distance_text(stated, assembly)}; it starts there"
+        distant = left or assembly.distance > MAX_DISTANCE
+        return started, f"{_distance_text(stated, assembly)}; it starts there" if distant else ""
     coordinates = {**mechanism.guess_coordinates, **revolutions}
     if coordinates == mechanism.guess_coordinates and _is_closed_guess(mechanism, poses):
         return mechanism, ""
