@@ -62,7 +62,7 @@ def assembly_failure(loops: TreeLoops, initial: Coordinates, final: Coordinates,
         remaining: residual there, in characteristic lengths.
     """
     mechanism = loops.tree.mechanism
-    drivers = f" at {_driver_text(loops, final)}" if mechanism.drivers else ""
+    drivers = f" at {_driver_text(mechanism, _values(loops, final))}" if mechanism.drivers else ""
     text = (
         f"{mechanism.name}: the loops do not close{drivers}: after "
         f"{ASSEMBLY.max_iterations} Newton steps a gap of {remaining:.3g} of the longest link remains"
@@ -75,7 +75,7 @@ def assembly_failure(loops: TreeLoops, initial: Coordinates, final: Coordinates,
         solution = min(others, key=lambda q: float(np.abs(q.values - initial.values).max()), default=solution)
         violation = np.abs(undriven.linearise(solution)[0]).max(0, initial=0.0)
     if violation[0] < CLOSED:
-        near_by = f"from the guess they close at {_driver_text(loops, solution)}"
+        near_by = f"from the guess they close at {_driver_text(mechanism, _values(loops, solution))}"
         return f"{text}; {near_by}: start there, or change the dimensions"
     if across:
         return f"{text}, because {across}; move one of its points by that"
@@ -94,10 +94,12 @@ def assembly_failure(loops: TreeLoops, initial: Coordinates, final: Coordinates,
     )
 
 
-def _driver_text(loops: TreeLoops, q: Coordinates) -> str:
-    mechanism, index_of = loops.tree.mechanism, loops.tree.index_of
-    values = {name: q.values[index_of[name], 0] for name in mechanism.drivers}
-    return ", ".join(f"{name} = {value:.6g} {mechanism.unit(name)}" for name, value in values.items())
+def _driver_text(mechanism: Mechanism, values: Mapping[str, float]) -> str:
+    return ", ".join(f"{name} = {values[name]:.6g} {mechanism.unit(name)}" for name in mechanism.drivers)
+
+
+def _values(loops: TreeLoops, q: Coordinates) -> dict[str, float]:
+    return {name: float(q.values[i, 0]) for name, i in loops.tree.index_of.items()}
 
 
 def _across(loops: TreeLoops, q: Coordinates) -> str:
@@ -522,7 +524,8 @@ def closed_start(mechanism: Mechanism) -> tuple[Mechanism, str]:
         start = values[mechanism.drivers[0]] if mechanism.has_crank else mechanism.start
         started = replace(mechanism, guess=poses, start=start, guess_coordinates=coordinates)
         distant = left or assembly.distance > MAX_DISTANCE
-        return started, f"{_distance_text(stated, assembly)}; it starts there" if distant else ""
+        text = f"no start of the drivers is stated; the loops close at {_driver_text(mechanism, values)}"
+        return started, f"{_distance_text(stated, assembly) if distant else text}; it starts there"
     coordinates = {**mechanism.guess_coordinates, **revolutions}
     if coordinates == mechanism.guess_coordinates and _is_closed_guess(mechanism, poses):
         return mechanism, ""
