@@ -86,8 +86,7 @@ def loaded(gates: bool = True) -> nx.DiGraph:
     imported: dict[str, set[str]] = {}
     for name, path in structure.modules().items():
         inside = name if path.name == "__init__.py" else name.rpartition(".")[0]
-        source = path.read_text(encoding="utf-8")
-        imported[name] = structure.imports_of(source, inside, typing=False)
+        imported[name] = structure.imports_of(path.read_text(encoding="utf-8"), inside, typing=False)
     graph = structure.import_graph(imported)
     # a module of a package also loads the package
     graph.add_edges_from((name, name.rpartition(".")[0]) for name in imported if name.count(".") > 1)
@@ -104,8 +103,7 @@ def closure(graph: nx.DiGraph, command: str) -> set[str]:
 
 def lines() -> dict[str, int]:
     """Return the lines of code of each module."""
-    modules = structure.modules().items()
-    return {name: structure.code_lines(path.read_text("utf-8")) for name, path in modules}
+    return {name: structure.code_lines(path.read_text("utf-8")) for name, path in structure.modules().items()}
 
 
 def closures(commands: tuple[str, ...] = COMMANDS, gates: bool = True) -> dict[str, int]:
@@ -127,9 +125,8 @@ def main() -> None:
     if chosen.modules:
         graph, sizes = loaded(), lines()
         for command in commands:
-            print(f"\n{command}")
-            for name in sorted(closure(graph, command), key=lambda name: -sizes[name]):
-                print(f"{sizes[name]:6} {name}")
+            names = sorted(closure(graph, command), key=lambda name: -sizes[name])
+            print(f"\n{command}", *(f"{sizes[name]:6} {name}" for name in names), sep="\n")
 
 
 if __name__ == "__main__":
