@@ -92,7 +92,7 @@ def statics(
         else:
             _print_equilibria(mechanism, solutions, assemblies)
         if state and not torques and curve is None:
-            print_text("no driver can hold the initial configuration; dynamics inverse --drive names drivers")
+            print_text("no driver can hold the initial configuration: none is named, as by inverse --drive")
         for driver, torque in torques.items():
             print_text(
                 f"{number(torque)} {mechanism.effort_unit(driver)} in {driver} hold the initial configuration"

@@ -6,7 +6,7 @@ import typer
 
 from mechsim import units
 from mechsim.cli import exit_codes
-from mechsim.cli.command import PLOTS, Result, command, one_of_each, table_or_plot_file
+from mechsim.cli.command import PLOTS, Result, Stated, command, one_of_each, table_or_plot_file
 from mechsim.cli.options import Model, ModelOptions, Sets, Speed
 from mechsim.cli.output import Value, number, print_table, print_text
 from mechsim.cli.progress import progress
@@ -28,6 +28,7 @@ DEFAULTS_STEPS = (72, 720, 7200)
 @command
 def tradeoff(
     model: Model,
+    stated: Stated,
     *,
     sets: Sets = None,
     speed: Speed = "600rpm",
@@ -53,7 +54,9 @@ def tradeoff(
         raise InputError(f"the budget is {budget}; give a time above 0, as in 60s")
     timer = Budget(seconds, exit_codes.typed_at)
     with progress("tradeoff", None) as report:
-        subject = subject_of(ModelOptions(model=model, sets=sets).load(), crank_speed(speed))
+        solver = ModelOptions(model=model, sets=sets).load()
+        stated.exclude(["speed"], "under motion laws", not solver.motion_laws.crank)
+        subject = subject_of(solver, crank_speed(speed))
         result = measure_tradeoff(subject, budget=timer, progress=report)
     if output is not None:
         write_csv(output, result, by)
@@ -92,9 +95,9 @@ def _print(result: Tradeoff, by: str) -> None:
     period = "turn" if subject.solver.motion_laws.crank else "cycle"
     print_table(title, ("error within", "use", f"steps/{period}", f"ms/{period}"), rows)
     print_table("Errors of these settings", ("error within", *result.points[0].errors), errors)
-    speed, cycle = "crank speed", ""
+    speed, cycle = "the crank speed", ""
     if period == "cycle":
-        speed, seconds = "cycles", number(REVOLUTION / subject.speed)
+        speed, seconds = "the angular frequency of a cycle", number(REVOLUTION / subject.speed)
         cycle = f"; a cycle of the fastest driver, or the whole motion, takes {seconds} s"
     print_text(
         f"position and loop in strokes, velocity and acceleration in strokes and {speed}, "

@@ -444,7 +444,7 @@ def mesh_forces(unit: UnitMotion, forces: Mapping[str, Array]) -> dict[str, Mesh
 
 def shares(unit: UnitMotion, joint: Joint) -> Iterator[Share]:
     """Yield the contributions of threads and teeth to the reaction of a joint."""
-    for name, law in unit.named_laws.items():
+    for name, law in unit.mechanism.named_laws.items():
         if not {*joint.coordinates} & {*law.coordinates}:
             continue
         if unit.threads.get(name) is joint:

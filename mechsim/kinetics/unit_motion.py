@@ -17,7 +17,7 @@ from mechsim.kinematics.loops.maximal_coordinates import Rows, equations
 from mechsim.kinematics.loops.mobility import dof_count
 from mechsim.kinematics.vector_method.rotations import skew
 from mechsim.mechanism.forces import Location, located
-from mechsim.mechanism.joints import Coupling, End, Joint
+from mechsim.mechanism.joints import End, Joint
 from mechsim.mechanism.links import GROUND, IDENTITY, Pose, Vector
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.meshes import threads_of
@@ -86,11 +86,6 @@ class UnitMotion:
         """Inertia matrix of each link about its centre in ground axes, (n, L, 3, 3) in [kg m2]."""
         local = np.array([link.inertia.moments for link in self.mechanism.links if link.inertia])
         return self.rotation @ local @ np.swapaxes(self.rotation, -1, -2)
-
-    @cached_property
-    def named_laws(self) -> dict[str, Coupling]:
-        """All couplings of the mechanism by name."""
-        return self.mechanism.named_laws
 
     @cached_property
     def threads(self) -> dict[str, Joint]:

@@ -140,8 +140,7 @@ def table(
         if not period:
             raise InputError(
                 f"load table does not span one revolution: it goes from {x[0]:.8g} to {x[-1]:.8g} rad, "
-                f"{span:.8g} of {REVOLUTION:.8g}; give rows over exactly one revolution, or several, "
-                "both ends included"
+                f"{span:.8g} of {REVOLUTION:.8g}; give whole revolutions, both ends included"
             )
         if jump > 1e-9 * float(np.abs(y).max()):
             raise InputError(

@@ -261,7 +261,7 @@ class Mechanism:
         )
         return (*(gear.coupling for gear in self.gears), *screws, *self.couplings)
 
-    @property
+    @cached_property
     def named_laws(self) -> dict[str, Coupling]:
         """All couplings by name: both sides in words, numbered if repeated."""
         named: dict[str, Coupling] = {}

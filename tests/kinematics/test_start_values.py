@@ -30,10 +30,12 @@ def test_both_methods_start_from_the_assembled_configuration():
 def test_a_cylinder_without_a_guess_has_the_length_between_its_guessed_ends():
     barrel = "barrel = { at = [0.5, -0.2, 0], turn = { axis = [0, 0, 1], angle = 1 } }"
     path = changed_model("driven_mechanisms_boom.toml", ("start = { stroke = 0.7 }", ""), (barrel, ""))
-    _, values = start_poses(load(path).mechanism)
-    # from the foot to the head on the boom, which keeps its guess
-    length = np.hypot(np.cos(0.5) - 0.5, np.sin(0.5) + 0.2)
-    assert np.abs([values["lift"] - 0.5, values["stroke"] - length]).max() < 1e-14
+    # the boom keeps its guess, or a requested start
+    for lift, requested in ((0.5, {}), (0.6, {"lift": "0.6 rad"})):
+        _, values = start_poses(load(path, start=requested, still=True).mechanism)
+        # from the foot to the head on the boom
+        length = np.hypot(np.cos(lift) - 0.5, np.sin(lift) + 0.2)
+        assert np.abs([values["lift"] - lift, values["stroke"] - length]).max() < 1e-14
 
 
 def test_an_assembled_file_is_written_and_read_back(tmp_path):

@@ -62,7 +62,7 @@ def assembly_failure(loops: TreeLoops, initial: Coordinates, final: Coordinates,
         remaining: residual there, in characteristic lengths.
     """
     mechanism = loops.tree.mechanism
-    drivers = f" at {_driver_text(mechanism, _values(loops, final))}" if mechanism.drivers else ""
+    drivers = f" at {_driver_text(mechanism, loops, final)}" if mechanism.drivers else ""
     text = (
         f"{mechanism.name}: the loops do not close{drivers}: after "
         f"{ASSEMBLY.max_iterations} Newton steps a gap of {remaining:.3g} of the longest link remains"
@@ -75,7 +75,7 @@ def assembly_failure(loops: TreeLoops, initial: Coordinates, final: Coordinates,
         solution = min(others, key=lambda q: float(np.abs(q.values - initial.values).max()), default=solution)
         violation = np.abs(undriven.linearise(solution)[0]).max(0, initial=0.0)
     if violation[0] < CLOSED:
-        near_by = f"from the guess they close at {_driver_text(mechanism, _values(loops, solution))}"
+        near_by = f"from the guess they close at {_driver_text(mechanism, loops, solution)}"
         return f"{text}; {near_by}: start there, or change the dimensions"
     if across:
         return f"{text}, because {across}; move one of its points by that"
@@ -94,12 +94,9 @@ def assembly_failure(loops: TreeLoops, initial: Coordinates, final: Coordinates,
     )
 
 
-def _driver_text(mechanism: Mechanism, values: Mapping[str, float]) -> str:
-    return ", ".join(f"{name} = {values[name]:.6g} {mechanism.unit(name)}" for name in mechanism.drivers)
-
-
-def _values(loops: TreeLoops, q: Coordinates) -> dict[str, float]:
-    return {name: float(q.values[i, 0]) for name, i in loops.tree.index_of.items()}
+def _driver_text(mechanism: Mechanism, loops: TreeLoops, q: Coordinates) -> str:
+    values = {name: q.values[loops.tree.index_of[name], 0] for name in mechanism.drivers}
+    return ", ".join(f"{name} = {value:.6g} {mechanism.unit(name)}" for name, value in values.items())
 
 
 def _across(loops: TreeLoops, q: Coordinates) -> str:
@@ -499,7 +496,7 @@ def closed_start(mechanism: Mechanism) -> tuple[Mechanism, str]:
     move only if the loops do not close at their stated values. The note is a sentence on distant stated
     values; empty if the assembly is near them.
     """
-    stated, left = mechanism, False
+    stated = mechanism
     try:
         assembly = _nearest(stated, stated.guess_coordinates)
     except AssemblyError:
@@ -509,8 +506,7 @@ def closed_start(mechanism: Mechanism) -> tuple[Mechanism, str]:
             drivers = {name: values.get(name, 0.0) for name in mechanism.drivers}
             coordinates = {**mechanism.guess_coordinates, **drivers}
             stated = replace(mechanism, driver=(), guess_coordinates=coordinates)
-            left = not values.keys().isdisjoint(drivers)
-            assembly = _nearest(stated, {name: coordinates[name] for name in coordinates if name in values})
+            assembly = _nearest(stated, {name: values[name] for name in coordinates if name in values})
         except AssemblyError:
             return mechanism, ""
     poses, values = _poses_and_values(assembly.loops, assembly.q)
@@ -523,9 +519,10 @@ def closed_start(mechanism: Mechanism) -> tuple[Mechanism, str]:
         coordinates = revolutions | {name: values[name] for name in stated.guess_coordinates}
         start = values[mechanism.drivers[0]] if mechanism.has_crank else mechanism.start
         started = replace(mechanism, guess=poses, start=start, guess_coordinates=coordinates)
-        distant = left or assembly.distance > MAX_DISTANCE
-        text = f"no start of the drivers is stated; the loops close at {_driver_text(mechanism, values)}"
-        return started, f"{_distance_text(stated, assembly) if distant else text}; it starts there"
+        if assembly.distance > MAX_DISTANCE or initial_coordinates(mechanism).keys() & {*mechanism.drivers}:
+            return started, f"{_distance_text(stated, assembly)}; it starts there"
+        drivers = _driver_text(mechanism, assembly.loops, assembly.q)
+        return started, f"no start of the drivers is stated; the loops close at {drivers}; it starts there"
     coordinates = {**mechanism.guess_coordinates, **revolutions}
     if coordinates == mechanism.guess_coordinates and _is_closed_guess(mechanism, poses):
         return mechanism, ""
@@ -533,21 +530,25 @@ def closed_start(mechanism: Mechanism) -> tuple[Mechanism, str]:
 
 
 def with_requested_start(mechanism: Mechanism, requested: Mapping[str, float]) -> Mechanism:
-    """Return a mechanism in the assembly nearest to requested coordinates; other drivers keep their values.
+    """Return a mechanism in the assembly nearest to requested coordinates; other drivers keep stated values.
 
     Raises:
         AssemblyError: if the loops do not close.
     """
     initial = initial_coordinates(mechanism)
-    stated = {name: initial.get(name, 0.0) for name in mechanism.drivers} | dict(requested)
-    start = stated[mechanism.drivers[0]] if mechanism.has_crank else 0.0
+    stated = {name: initial[name] for name in mechanism.drivers if name in initial} | dict(requested)
+    # a driver without a stated value leaves the requested coordinates at theirs
+    driver = mechanism.driver if stated.keys() >= {*mechanism.drivers} else tuple(stated)
+    described = replace(mechanism, driver=driver)
+    start = stated[described.drivers[0]] if described.has_crank else 0.0
     # joints without coordinates, such as of floating bases, keep the guess of their links
     loose = {joint.b.link for joint in mechanism.joints if not joint.coordinates}
     guess = {link: pose for link, pose in mechanism.guess.items() if link in loose}
-    started = with_closed_guess(replace(mechanism, guess=guess, guess_coordinates=stated, start=start))
+    started = with_closed_guess(replace(described, guess=guess, guess_coordinates=stated, start=start))
     poses, values = start_poses(started)
-    coordinates = {name: values[name] for name in {**mechanism.guess_coordinates, **stated}}
-    return replace(started, guess=poses, guess_coordinates=coordinates)
+    coordinates = {name: values[name] for name in (*mechanism.guess_coordinates, *mechanism.drivers, *stated)}
+    start = started.start if mechanism.has_crank else 0.0
+    return replace(started, driver=mechanism.driver, guess=poses, guess_coordinates=coordinates, start=start)
 
 
 def _is_closed_guess(mechanism: Mechanism, poses: Mapping[str, Pose]) -> bool:
@@ -563,11 +564,8 @@ def _distance_text(stated: Mechanism, assembly: _Assembly) -> str:
     """Return where the loops close, far from the stated values."""
     initial, (_, values) = initial_coordinates(stated), _poses_and_values(assembly.loops, assembly.q)
     change = {name: abs(value - initial.get(name, 0.0)) for name, value in values.items()}
-    first = (
-        [name for name in initial if name in stated.drivers]
-        if stated.drivers
-        else [*stated.guess_coordinates]
-    )
+    stated_names = initial if stated.drivers else stated.guess_coordinates
+    first = [name for name in stated_names if not stated.drivers or name in stated.drivers]
     ordered = dict.fromkeys([*first, *sorted(change, key=lambda name: -change[name])])
     written = {name for joint in stated.written_joints for name in joint.coordinates}
     names = [name for name in ordered if name in written or name in first][:NAMED]

@@ -72,7 +72,8 @@ class StoredFriction:
         constant: friction without a load.
         array: where MuJoCo has its magnitude.
         index: in this array.
-        yielding: acceleration of the coordinate by a unit of it, without the loops; 0 if it acts by controls.
+        inverse_inertia: acceleration of the coordinate by a unit of it, without the loops; 0 if it acts by
+            controls.
     """
 
     friction: Friction
@@ -80,7 +81,7 @@ class StoredFriction:
     constant: float
     array: str
     index: int
-    yielding: float
+    inverse_inertia: float
 
 
 class UpdatedFriction:
@@ -127,8 +128,10 @@ class UpdatedFriction:
                 rows = [(int(stepped.wrap_objid[w]), float(stepped.wrap_prm[w])) for w in wraps]
             else:
                 array = DRY, next(i for i, item in enumerate(self.dry) if item.joint == joint.name)
-            yielding = sum(weight**2 / float(stepped.dof_M0[stepped.jnt_dofadr[j]]) for j, weight in rows)
-            stored.append(StoredFriction(friction, number, constant, *array, yielding))
+            inverse_inertia = sum(
+                weight**2 / float(stepped.dof_M0[stepped.jnt_dofadr[j]]) for j, weight in rows
+            )
+            stored.append(StoredFriction(friction, number, constant, *array, inverse_inertia))
         return stored
 
     def update(self, data: mujoco.MjData) -> None:
@@ -216,8 +219,8 @@ class UpdatedFriction:
         model, rates = self.loops.model, self._rates(data)
         self.fastest = max(self.fastest, float(np.abs(data.qvel).max()))
         slow = [
-            CREEP * model.opt.timestep * getattr(model, item.array)[item.index] * item.yielding
-            if item.yielding
+            CREEP * model.opt.timestep * getattr(model, item.array)[item.index] * item.inverse_inertia
+            if item.inverse_inertia
             else AT_REST * self.fastest
             for item in self.stored
         ]

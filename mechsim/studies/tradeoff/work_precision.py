@@ -140,13 +140,14 @@ class Tradeoff:
         return best | ({DEFAULTS: curves[DEFAULTS]} if DEFAULTS in curves else {})
 
     def as_dict(self, quantity: str = "position") -> dict[str, Any]:
-        """Return the output of `mechsim tradeoff --json`."""
+        """Return the output of `mechsim tradeoff --json`, with the period of a turn or cycle in [s]."""
         orders = {name: self.order(curve, quantity) for name, curve in self.best_curves(quantity).items()}
         return {
             "mechanism": self.subject.name,
             "reference": self.subject.solver.method,
             "quantity": quantity,
             "stroke": self.subject.stroke,
+            "period": REVOLUTION / self.subject.speed,
             "trials": len(self.points),
             **attributes(self, "left_out", "untried", "seconds"),
             "recommended": [
