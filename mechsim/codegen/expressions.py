@@ -9,7 +9,7 @@ from typing import Union
 # are already rounded
 ROUNDING = 1e-15
 # number of characters of an expression above which its value gets a name
-MAX_TEXT = 60
+MAX_TEXT = 58
 
 Operand = Union["SymbolicExpression", float, int]
 
@@ -223,7 +223,7 @@ class Emission:
         for target, root in block.assignments.items():
             if not block.names:
                 yield from self._defined(root)
-                yield f"{target} = {_bare(self.texts[root.index])};"
+                yield f"{target} = {self.texts[root.index]};"
             elif root.index in self.uses and root.index not in self.texts and root.op in "+-*":
                 yield from self._defined(root, target)
 
@@ -239,7 +239,7 @@ class Emission:
             elif expression.op in "+-*" and shared:
                 called = called or f"t{expression.index}"
             if called:
-                yield f"const real {called} = {_bare(text)};"
+                yield f"const real {called} = {text};"
             self.texts[expression.index] = called or text
 
     def _text(self, expression: SymbolicExpression) -> str:
@@ -247,13 +247,15 @@ class Emission:
             return str(expression.args[0])
         if expression.number is not None:
             return number_text(expression.number)
-        a, *rest = (self.texts[operand.index] for operand in expression.operands)
-        if expression.op == "neg":
-            return f"(-{a})"
-        (b,) = rest
         if expression.op == "atan2":
-            return f"atan2({_bare(a)}, {_bare(b)})"
-        return f"{a} * {b}" if expression.op == "*" else f"({a} {expression.op} {b})"
+            return f"atan2({', '.join(self.texts[operand.index] for operand in expression.operands)})"
+        # unnamed sums and negatives in parentheses
+        operands = [
+            f"({text})" if operand.op in ("+", "-", "neg") and not text.isidentifier() else text
+            for operand in expression.operands
+            for text in (self.texts[operand.index],)
+        ]
+        return f"-{operands[0]}" if expression.op == "neg" else f" {expression.op} ".join(operands)
 
 
 def _new(
@@ -273,15 +275,3 @@ def _new(
         visited[expression.index] = initial  # type: ignore[assignment]
         order.append(expression)
     return order
-
-
-def _bare(text: str) -> str:
-    """Return an expression without outer parentheses."""
-    if not text.startswith("("):
-        return text
-    depth = 0
-    for i, character in enumerate(text):
-        depth += (character == "(") - (character == ")")
-        if depth == 0:
-            return text[1:-1] if i == len(text) - 1 else text
-    return text

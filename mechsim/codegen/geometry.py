@@ -216,13 +216,12 @@ def _entries(document: Mapping[str, Any]) -> list[tuple[tuple[str, str], Any, Un
     """Return the vectors in a file: (owner, quantity), components, unit."""
     owners = {f"{name}.{side}": joint[side] for name, joint in document["joints"].items() for side in "ab"}
     owners |= document.get("points", {})
-    entries: list[tuple[tuple[str, str], Any, Unit]] = []
-    for owner, entry in owners.items():
-        for key, value in entry.items():
-            quantity = "reference" if key == "mark" else key
-            if quantity in QUANTITIES:
-                entries.append(((owner, quantity), value, "m" if quantity == "at" else "1"))
-    return entries
+    return [
+        ((owner, key), value, "m" if key == "at" else "1")
+        for owner, entry in owners.items()
+        for key, value in entry.items()
+        if key in QUANTITIES
+    ]
 
 
 _SYMBOLS = {"Add": "+", "Sub": "-", "Mult": "*", "Div": "/"}

@@ -277,7 +277,7 @@ class FileCoordinates:
     def motion_laws(self, drivers: tuple[str, ...]) -> dict[str, FileMotionLaw]:
         """Return the motion laws of a file's drivers."""
         laws: dict[str, FileMotionLaw] = {}
-        for name, (path, text) in (self.table("motion_laws") | self.table("programs")).items():
+        for name, (path, text) in self.table("motion_laws").items():
             if name not in drivers:
                 raise self.error(path, f"is not driven; drivers are {', '.join(drivers)}")
             laws[name] = FileMotionLaw(self, text, path)

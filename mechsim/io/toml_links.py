@@ -64,8 +64,8 @@ def joint_of(source: TomlSource, name: str, entry: Mapping[str, Any]) -> Joint:
 
 def end_of(entry: Mapping[str, Any]) -> End:
     """Return a frame on a link."""
-    fields = {"at": "point", "axis": "axis", "reference": "reference", "mark": "reference"}
-    return End(entry["link"], **{fields[key]: value for key, value in entry.items() if key != "link"})
+    fields = {"link": "link", "at": "point", "axis": "axis", "reference": "reference"}
+    return End(**{fields[key]: value for key, value in entry.items()})
 
 
 def pose_of(source: TomlSource, link: str, entry: Mapping[str, Any]) -> Pose:

@@ -116,10 +116,6 @@ class Budget:
         """Return a budget that starts now, with a fraction of the seconds."""
         return replace(self, seconds=fraction * self.seconds, start=None)
 
-    def restarted(self) -> "Budget":
-        """Return the same budget, starting now."""
-        return replace(self, start=None)
-
 
 @dataclass(frozen=True, slots=True)
 class ProcessorBudget(Budget):

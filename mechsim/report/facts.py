@@ -185,15 +185,12 @@ def study_facts(study: "InverseDynamics") -> dict[str, Any]:
         units = study.model.mechanism.effort_unit
         return {name: statistics(values) | {"unit": units(name)} for name, values in forces.items()}
 
-    torque_scale = float(np.abs(result.torque).max()) or 1.0
-    difference = np.where(result.unbounded, 0.0, study.second_torque - result.torque)
     sides = result.power_in + result.power_loads - result.power_lost - study.power_stored
     inertia = study.reduced.inertia
     return {
         "torque": statistics(result.torque),
         "drives": by_coordinate(result.drives),
         "actuators": by_coordinate(result.actuators),
-        "routes": float(np.abs(difference).max()) / torque_scale,
         **_reaction_facts(result, peak, study.model.mechanism),
         "couplings": _coupling_facts(study, peak),
         "indeterminacy": study.indeterminacy,

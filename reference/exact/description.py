@@ -20,7 +20,7 @@ def cross(a: Any, b: Any) -> Any:
 
 @dataclass(frozen=True)
 class Side:
-    """Where a joint lies on a link: point (3,) in [m] and frame (3, 3), columns mark, axis x mark, axis."""
+    """Joint on a link: point (3,) in [m] and frame (3, 3) of reference, axis x reference, axis."""
 
     link: str
     point: Any
@@ -96,7 +96,7 @@ class Reader:
     def side(self, entry: dict[str, Any]) -> Side:
         """Return one side of a joint."""
         axis = unit(self.vector(entry.get("axis", [0, 0, 1])))
-        reference = entry.get("mark") or ([1, 0, 0] if abs(axis[0]) < mpf("0.9") else [0, 1, 0])
+        reference = entry.get("reference") or ([1, 0, 0] if abs(axis[0]) < mpf("0.9") else [0, 1, 0])
         reference = self.vector(reference)
         reference = unit(reference - axis * (axis @ reference))
         point = self.vector(entry.get("at", [0, 0, 0]), self.length)
@@ -168,6 +168,6 @@ def read(path: Path) -> Description:
             for name, item in raw["points"].items()
         },
         guess={name: reader.pose(item) for name, item in raw.get("guess", {}).items()},
-        motion_laws={name: motion_law(text, reader.names) for name, text in raw.get("programs", {}).items()},
+        motion_laws={name: motion_law(law, reader.names) for name, law in raw.get("motion_laws", {}).items()},
         gravity=reader.vector(raw["forces"]["gravity"]),
     )

@@ -125,10 +125,9 @@ class ParameterIntervals:
             return None
         return value if isinstance(value, Jet) else _still(value)
 
-    def vector(self, entry: Mapping[str, Any], keys: Sequence[str], unit: Unit) -> list[FileNumber] | None:
+    def vector(self, entry: Mapping[str, Any], key: str, unit: Unit) -> list[FileNumber] | None:
         """Return a vector of a side of a joint in SI; None if the file has none."""
-        key = next((key for key in keys if key in entry), None)
-        return None if key is None else [self._component(written, unit) for written in entry[key]]
+        return [self._component(written, unit) for written in entry[key]] if key in entry else None
 
     def _component(self, written: Any, unit: Unit) -> FileNumber:
         if not self.depends(written):
@@ -144,10 +143,10 @@ class ParameterIntervals:
 
     def side(self, joint: Joint, entry: Mapping[str, Any]) -> list[Jet | None]:
         """Return the nine numbers of point, axis and reference of a joint side; None for constant numbers."""
-        point = self.vector(entry, ("at",), "m") or _fixed(ORIGIN)
+        point = self.vector(entry, "at", "m") or _fixed(ORIGIN)
         numbers: list[Jet | None] = [jet if moves else None for jet, moves in point]
-        axis = self.vector(entry, ("axis",), "1") or _fixed(EZ)
-        reference = self.vector(entry, ("reference", "mark"), "1")
+        axis = self.vector(entry, "axis", "1") or _fixed(EZ)
+        reference = self.vector(entry, "reference", "1")
         if not any(moves for _, moves in (*axis, *(reference or ()))):
             return [*numbers, *[None] * 6]
         z = _unit([jet for jet, _ in axis])
@@ -215,7 +214,7 @@ def _fixed_entries(document: Mapping[str, Any]) -> Iterator[tuple[tuple[str, ...
         for path, value in leaves(coupling, ("couplings", name)):
             if path[2:] not in (("driver",), ("driven",)):
                 yield from ((path, entry) for entry in (value if isinstance(value, list) else [value]))
-    for table in ("locked", "motion_laws", "programs"):
+    for table in ("locked", "motion_laws"):
         yield from leaves(document.get(table, {}), (table,))
 
 

@@ -107,7 +107,7 @@ def compute_reference(
         finest = hardened(scene.model, 4.0 * scene.duration / MAX_STEPS, integrator)
         if integrator != INTEGRATORS[-1] and stiffness_cause(finest):
             continue
-        time = budget.restarted() if isinstance(budget, Budget) else Budget(budget)
+        time = budget.share(1.0) if isinstance(budget, Budget) else Budget(budget)
         reference = _refined(scene, first, integrator, tolerance, time, progress)
         if best is None or (best.broken and not reference.broken) or reference.errors[0] < best.errors[0]:
             best = reference
