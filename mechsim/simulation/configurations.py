@@ -111,7 +111,7 @@ def _solved_poses(closed: ClosedModel, states: Array) -> Array:
         except AssemblyError:
             unsolved = count
         count = (solved + unsolved) // 2
-    if loops.drivers is not None:
+    if not loops.drivers.crank:
         driven = states[: len(states_solved), loops.drivers.addresses]
         states_solved[:, loops.drivers.addresses] = driven
         locked = replace(loops, drivers=loops.drivers.locked_at(driven.T))
@@ -171,8 +171,8 @@ def _path(closed: ClosedModel, angles: Array) -> follow.PosePath:
 
 def change_points_text(loops: ModelLoops, angles: Sequence[float]) -> str:
     """Return the positions of change points as text."""
-    if loops.drivers is not None:
-        return ", ".join(loops.driver_text(angle) for angle in angles[:3])
+    if not loops.drivers.crank:
+        return ", ".join(loops.drivers.text(angle) for angle in angles[:3])
     return f"crank angle {', '.join(f'{angle:.4g}' for angle in angles[:3])} rad"
 
 
@@ -194,9 +194,9 @@ def require_regular_start(loops: ModelLoops, angles: Sequence[float], start: flo
     """
     if any(abs(angle - start) <= AT_START for angle in angles):
         raise AssemblyError(
-            f"{loops.name}: it starts at {loops.driver_text(start)}, where two assemblies meet and dynamics "
+            f"{loops.name}: it starts at {loops.drivers.text(start)}, where two assemblies meet and dynamics "
             "alone do not determine the branch; give a start at "
-            f"{'another crank angle' if loops.drivers is None else 'other values of the drivers'}, "
+            f"{'another crank angle' if loops.drivers.crank else 'other values of the drivers'}, "
             "add a second parallel crank, or run it by pose"
         )
 

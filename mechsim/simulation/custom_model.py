@@ -36,7 +36,6 @@ def from_file(read: MjcfModel, drivers: Sequence[str] | str | None = None) -> Cl
         moved = (drivers,) if isinstance(drivers, str) else tuple(drivers)
         loops = closed_loops(spec, (*moved, *(name for name in locked if name not in moved)), {})
         loops, initial_qpos = _closed_at_drivers(loops, start)
-        assert loops.drivers is not None
         stands = zip(loops.drivers.names, initial_qpos[loops.drivers.addresses].tolist(), strict=True)
         targets = np.array([locked.get(name, value) for name, value in stands])
         start = move_drivers(loops, initial_qpos, targets, "where joints are held")
@@ -67,9 +66,8 @@ def from_spec(
     """
     track = replace(add_sensors(spec, points), coordinates=coordinates or {})
     loops = closed_loops(spec, drivers, laws or {})
-    if loops.drivers is not None:
-        names = tuple(track.name(name)[0] for name in loops.drivers.names)
-        loops = replace(loops, drivers=replace(loops.drivers, names=names))
+    names = tuple(track.name(name)[0] for name in loops.drivers.names)
+    loops = replace(loops, drivers=replace(loops.drivers, names=names))
     loops, closed = _closed_at_drivers(loops, start)
     return ClosedModel(loops, track, closed)
 
@@ -109,7 +107,7 @@ def closed_state(loops: ModelLoops, guess: Array) -> Array:
     try:
         return loop_jacobian.close(loops, guess[None])[0]
     except AssemblyError:
-        locked = () if loops.drivers is None else immobile_drivers(loops, loops.linearise(guess[None])[1][0])
+        locked = () if loops.drivers.crank else immobile_drivers(loops, loops.linearise(guess[None])[1][0])
         if locked:
             raise overdetermined_error(loops, locked, 0.0) from None
         raise
@@ -121,9 +119,9 @@ def _closed_at_drivers(loops: ModelLoops, start: Array | None) -> tuple[ModelLoo
     The initial state, (nq,), is without a path parameter; None is the reference.
     """
     guess = (loops.model.qpos0 if start is None else start).copy()
-    if loops.drivers is not None:
-        guess = guess if start is None else np.insert(guess, loops.crank_address, 0.0)
-        loops = replace(loops, drivers=loops.drivers.locked_at(guess[loops.drivers.addresses]))
+    if start is not None and not loops.drivers.crank:
+        guess = np.insert(guess, loops.crank_address, 0.0)
+    loops = replace(loops, drivers=loops.drivers.locked_at(guess[loops.drivers.addresses]))
     return loops, closed_state(loops, guess)
 
 
@@ -147,7 +145,6 @@ def at_initial_state(closed: Closed, motion_laws: MotionLaws) -> Closed:
         AssemblyError: if the loops do not close on that path.
     """
     loops, drivers = closed.loops, closed.loops.drivers
-    assert drivers is not None
     target = np.array([motion_laws.first[name] for name in drivers.names])
     start = move_drivers(loops, closed.qpos, target, "the start of the motion laws")
     law, rate = motion_laws.along_path, motion_laws.rate

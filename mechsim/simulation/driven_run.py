@@ -254,7 +254,7 @@ class DrivenRun:
 
         Under motion laws the result is the whole run, because no fraction of it represents the rest.
         """
-        if not self.profile.steady or self.profile.turns <= turns or self.closed.loops.drivers is not None:
+        if not self.profile.steady or self.profile.turns <= turns or not self.closed.loops.drivers.crank:
             return self
         (start,), (speed,), _ = self.profile.state(np.zeros(1))
         return replace(self, profile=constant(float(speed), turns, float(start)), samples=None)
@@ -324,7 +324,7 @@ class DrivenRun:
         target = self.profile.state(steps.states.time)[0]
         names, values, targets, slides = ("the crank",), motion.angle[None], target[None], np.zeros(1)
         loops, drivers = self.closed.loops, self.closed.loops.drivers
-        if drivers is not None:
+        if not drivers.crank:
             values, slides = steps.states.qpos[:, drivers.addresses].T, drivers.slides
             names, targets = drivers.names, drivers.law(target)[0]
         for name, value, intended, slide in zip(names, values, targets, slides, strict=True):
@@ -386,7 +386,7 @@ def solved_run(
     jacobian = loops.linearise(away)[1]
     singular = loop_jacobian.conditioning(loops, jacobian) < MIN_CONDITIONING
     if singular.any():
-        where = loops.driver_text(float(angle[np.argmax(singular)]))
+        where = loops.drivers.text(float(angle[np.argmax(singular)]))
         raise AssemblyError(
             f"{loops.name}: the pose at {where} is singular, as where links lie flat on each other; its "
             "continuation is undetermined; keep a distance from it"

@@ -24,6 +24,8 @@ Law = Callable[[Array], tuple[Array, Array, Array]]
 class Drivers:
     """The driven coordinates of a model as functions of the path parameter.
 
+    Of a crank, whose angle is the path parameter, there are none.
+
     Attributes:
         names: names of the model's joints.
         addresses: addresses of their coordinates in qpos, (k,).
@@ -31,6 +33,7 @@ class Drivers:
         slides: whether each is a displacement, (k,).
         law: values and derivatives by the path parameter.
         text: path parameter -> driver values as text.
+        crank: whether a crank is driven.
     """
 
     names: tuple[str, ...]
@@ -39,11 +42,12 @@ class Drivers:
     slides: NDArray[np.bool_]
     law: Law
     text: Callable[[float], str]
+    crank: bool = False
 
     def locked_at(self, values: Array) -> "Drivers":
         """Return drivers locked at values (k,), or (k, n) for n states."""
         law, text = _constant_law(self.names, values)
-        return replace(self, law=law, text=text)
+        return self if self.crank else replace(self, law=law, text=text)
 
 
 def with_parameter_joint(spec: mujoco.MjSpec) -> mujoco.MjSpec:
@@ -102,3 +106,9 @@ def _constant_law(names: tuple[str, ...], values: Array) -> tuple[Law, Callable[
         return ", ".join(f"{name} = {value:.6g}" for name, value in zip(names, values[:, 0], strict=True))
 
     return law, text
+
+
+NONE = np.zeros(0, dtype=np.intp)
+SINGLE_CRANK = Drivers(
+    (), NONE, NONE, NONE > 0, _constant_law((), np.zeros(0))[0], lambda s: f"crank angle {s:.6g} rad", True
+)

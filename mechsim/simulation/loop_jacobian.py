@@ -95,9 +95,9 @@ def close(loops: ModelLoops, qpos: Array, step: Step | None = None) -> Array:
     if not error.max(initial=0.0) < NEWTON.rounding:
         angle = float(states[worst, loops.crank_address])
         raise AssemblyError(
-            f"{loops.name}: the loops do not close at {loops.driver_text(angle)}: a closure error of "
+            f"{loops.name}: the loops do not close at {loops.drivers.text(angle)}: a closure error of "
             f"{error[worst]:.3g} of the longest link remains; change the dimensions, "
-            f"{'the crank angle' if loops.drivers is None else 'the driver positions'} or the start"
+            f"{'the crank angle' if loops.drivers.crank else 'the driver positions'} or the start"
         )
     return states
 

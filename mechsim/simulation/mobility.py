@@ -27,7 +27,7 @@ def immobile_drivers(loops: ModelLoops, jacobian: Array) -> tuple[str, ...]:
         jacobian: Jacobian at one state, (m, nv).
     """
     names, driver_columns = ("crank",), -jacobian[:, [loops.crank]]
-    if loops.drivers is not None:
+    if not loops.drivers.crank:
         names, driver_columns = loops.drivers.names, np.eye(len(jacobian))[:, -len(loops.drivers.names) :]
     constrained = loop_jacobian.constrained_jacobian(loops, jacobian[None])[0]
     projected = constrained @ (pseudo_inverse(constrained, floor=0.0) @ driver_columns)
@@ -38,8 +38,8 @@ def immobile_drivers(loops: ModelLoops, jacobian: Array) -> tuple[str, ...]:
 
 def overdetermined_error(loops: ModelLoops, locked: tuple[str, ...], angle: float) -> MobilityError:
     """Return the error that names the immobile drivers; `angle` is the crank's, in [rad]."""
-    if loops.drivers is None:
-        problem = f"the crank cannot move at {loops.driver_text(angle)}"
+    if loops.drivers.crank:
+        problem = f"the crank cannot move at {loops.drivers.text(angle)}"
         remedy = "remove a driver, a gear or a joint"
     else:
         others = "the other drivers are" if len(loops.drivers.names) > 1 else "all else is"
@@ -102,7 +102,7 @@ def require_determined(closed: ClosedModel, mobility: ResidualMobility) -> None:
         MobilityError: if joints or points are undetermined; it names them.
     """
     if mobility.undetermined:
-        drivers = "crank" if closed.loops.drivers is None else "drivers"
+        drivers = "crank" if closed.loops.drivers.crank else "drivers"
         what = f"with the {drivers} locked {', '.join(mobility.undetermined)} can still move"
         raise MobilityError(
             f"{closed.loops.name}: underdetermined: {what}; drive, lock or couple them, or {STEPPED}",
@@ -121,9 +121,9 @@ def require_movable(closed: ClosedModel, mobility: ResidualMobility) -> None:
         raise overdetermined_error(closed.loops, mobility.immobile_drivers, closed.angle)
     if mobility.at_change_point:
         raise AssemblyError(
-            f"{closed.loops.name}: it starts at {closed.loops.driver_text(closed.angle)}, where two "
+            f"{closed.loops.name}: it starts at {closed.loops.drivers.text(closed.angle)}, where two "
             "assemblies meet and cannot be distinguished; give a start at "
-            f"{'another crank angle' if closed.loops.drivers is None else 'other values of the drivers'}"
+            f"{'another crank angle' if closed.loops.drivers.crank else 'other values of the drivers'}"
         )
 
 
@@ -140,8 +140,8 @@ def require_within_limits(closed: ClosedModel, states: Array) -> None:
         {name: (float(model.jnt_range[i, 0]), float(model.jnt_range[i, 1])) for i, name in names.items()},
         {name: states[:, model.jnt_qposadr[i]] for i, name in names.items()},
         {name: "rad" if model.jnt_type[i] == HINGE else "m" for i, name in names.items()},
-        lambda worst: closed.loops.driver_text(float(states[worst, closed.loops.crank_address])),
-        "turn the crank less" if closed.loops.drivers is None else "move the drivers less",
+        lambda worst: closed.loops.drivers.text(float(states[worst, closed.loops.crank_address])),
+        "turn the crank less" if closed.loops.drivers.crank else "move the drivers less",
     )
 
 
@@ -158,7 +158,7 @@ def require_path_within_limits(closed: ClosedModel, angles: Array) -> None:
     limited, drivers = limited_joints(closed.model), closed.loops.drivers
     if not len(limited) or np.ptp(angles) == 0.0:
         return
-    if drivers is not None and not drivers.law(angles)[1].any():
+    if not drivers.crank and not drivers.law(angles)[1].any():
         # the law is constant: each set of driver coordinates is a separate pose
         return
     instants = check_instants(float(angles.min()), float(angles.max()))

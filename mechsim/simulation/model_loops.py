@@ -17,7 +17,7 @@ from mechsim.errors import InputError
 from mechsim.mechanism.motion import ChangePointPolicy
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.rank import RANK_TOLERANCE, SPARSE
-from mechsim.simulation.drivers import PARAMETER_JOINT, Drivers
+from mechsim.simulation.drivers import PARAMETER_JOINT, SINGLE_CRANK, Drivers
 from mechsim.simulation.equality_rows import CouplingConstraint, FramePair, PointPair, RodPair, constraints
 from mechsim.simulation.state import HINGE, PosedBodies, angular_dofs, displaced
 
@@ -71,7 +71,7 @@ class ModelLoops:
     Attributes:
         model: the compiled model.
         crank: index of the crank among the degrees of freedom.
-        drivers: the drivers that follow motion laws; None for a single crank.
+        drivers: the drivers that follow motion laws, or a single crank.
         pairs, rods, frames, couplings: coincident points, points with a constant distance, parallel frames
             and coupled coordinates.
         posed: the kinematics of the model.
@@ -81,7 +81,7 @@ class ModelLoops:
 
     model: mujoco.MjModel
     crank: int
-    drivers: Drivers | None
+    drivers: Drivers
     pairs: Sequence[PointPair]
     rods: Sequence[RodPair]
     frames: Sequence[FramePair]
@@ -131,7 +131,7 @@ class ModelLoops:
         """Factors that make residuals dimensionless, (m,)."""
         factor = 1.0 / self.characteristic_length
         coupled = [1.0 if self.angular_dofs[row.left.dofs].all() else factor for row in self.couplings]
-        driven = [] if self.drivers is None else np.where(self.drivers.slides, factor, 1.0)
+        driven = np.where(self.drivers.slides, factor, 1.0)
         lengths = np.full(self.point_rows.stop, factor)
         return np.concatenate([lengths, np.ones(3 * len(self.frames)), coupled, driven])
 
@@ -171,16 +171,12 @@ class ModelLoops:
     def driven_rows(self) -> slice:
         """The residuals of the motion laws, which are the last."""
         first = self.coupled_rows.stop
-        return slice(first, first + (0 if self.drivers is None else len(self.drivers.dofs)))
+        return slice(first, first + len(self.drivers.dofs))
 
     @property
     def driven_dofs(self) -> NDArray[np.int64]:
         """The crank or all drivers."""
-        return np.array([self.crank]) if self.drivers is None else self.drivers.dofs.astype(np.int64)
-
-    def driver_text(self, angle: float) -> str:
-        """Return the crank angle or the driver values as text."""
-        return f"crank angle {angle:.6g} rad" if self.drivers is None else self.drivers.text(angle)
+        return np.array([self.crank]) if self.drivers.crank else self.drivers.dofs.astype(np.int64)
 
     def residual(self, qpos: Array) -> Array:
         """Return the constraint residuals, (n, m) in [m] or [rad]."""
@@ -226,15 +222,13 @@ class ModelLoops:
         along = gaps[:, first:second] / lengths[:, None]
         errors = [pair.rotation_error(*(rotation[:, body] for body in pair.bodies)) for pair in self.frames]
         coupled = [coupling.residual(qpos)[:, None] for coupling in self.couplings]
-        drivers, law = self.drivers, None
-        if drivers is not None:
-            law = drivers.law(qpos[:, self.crank_address])
-            coupled.append(qpos[:, drivers.addresses] - law[0].T)
+        drivers, law = self.drivers, self.drivers.law(qpos[:, self.crank_address])
         chunks = [
             gaps[:, :first].reshape(n, 3 * first),
             0.5 * ((along * gaps[:, first:second]).sum(2) - lengths),
             *(apart for apart, _ in errors),
             *coupled,
+            qpos[:, drivers.addresses] - law[0].T,
         ]
 
         def values() -> Array:
@@ -259,10 +253,9 @@ class ModelLoops:
             for i, coupling in enumerate(self.couplings, self.coupled_rows.start):
                 dofs = coupling.dofs
                 out[:, number[i, dofs]] = coupling.jacobian(qpos, self.model.nv)[:, dofs]
-            if drivers is not None and law is not None:
-                rows = self.driven_rows.start + np.arange(len(drivers.dofs))
-                out[:, number[rows, drivers.dofs]] = 1.0
-                out[:, number[rows, self.crank]] = -law[1].T
+            rows = self.driven_rows.start + np.arange(len(drivers.dofs))
+            out[:, number[rows, drivers.dofs]] = 1.0
+            out[:, number[rows, self.crank]] = -law[1].T
             return out
 
         return np.concatenate(chunks, 1), values
@@ -295,9 +288,8 @@ class ModelLoops:
             nonzero[first : first + (1 if pairs <= i < points else 3), dof] = True
         for i, coupling in enumerate(self.couplings, self.coupled_rows.start):
             nonzero[i, coupling.dofs] = True
-        if self.drivers is not None:
-            nonzero[self.driven_rows, self.crank] = True
-            nonzero[self.driven_rows, self.drivers.dofs] |= np.eye(len(self.drivers.dofs), dtype=np.bool_)
+        nonzero[self.driven_rows, self.crank] = True
+        nonzero[self.driven_rows, self.drivers.dofs] |= np.eye(len(self.drivers.dofs), dtype=np.bool_)
         rows, columns = np.nonzero(nonzero)
         return rows, columns
 
@@ -322,13 +314,13 @@ class ModelLoops:
         return np.abs(residual * self.scale).max(1, initial=0.0)
 
 
-def read_loops(model: mujoco.MjModel, crank: str = "crank", drivers: Drivers | None = None) -> ModelLoops:
+def read_loops(model: mujoco.MjModel, crank: str = "crank", drivers: Drivers = SINGLE_CRANK) -> ModelLoops:
     """Return the loops of a compiled model with a crank, or with drivers under motion laws.
 
     Raises:
         InputError: if the model has no hinge with the crank's name.
     """
-    crank = crank if drivers is None else PARAMETER_JOINT
+    crank = crank if drivers.crank else PARAMETER_JOINT
     joint = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, crank)
     if joint < 0 or model.jnt_type[joint] != HINGE:
         names = [model.joint(i).name for i in range(model.njnt)]
@@ -339,7 +331,7 @@ def read_loops(model: mujoco.MjModel, crank: str = "crank", drivers: Drivers | N
     return loops_with_crank(model, int(model.jnt_dofadr[joint]), drivers)
 
 
-def loops_with_crank(model: mujoco.MjModel, dof: int, drivers: Drivers | None = None) -> ModelLoops:
+def loops_with_crank(model: mujoco.MjModel, dof: int, drivers: Drivers = SINGLE_CRANK) -> ModelLoops:
     """Return the loops of a compiled model whose crank is a degree of freedom."""
     closing = constraints(model)
     return ModelLoops(model, dof, drivers, *closing, PosedBodies(model), IndependentRows())

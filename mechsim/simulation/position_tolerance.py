@@ -134,7 +134,7 @@ def _joined(*notes: str) -> str:
 def _lag_note(driven: DrivenRun, run: Run) -> str:
     """Return a note about the lag of the drivers behind their motion laws; empty within tolerance."""
     time = run.motion.time
-    if driven.closed.loops.drivers is None or time is None or run.outcome != "passed":
+    if driven.closed.loops.drivers.crank or time is None or run.outcome != "passed":
         return ""
     distance = lag_distance(driven.closed, run.motion, driven.profile.state(time)[0])
     if distance <= run.tolerance:

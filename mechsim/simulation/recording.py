@@ -43,11 +43,9 @@ def actuated_dofs(loops: ModelLoops) -> NDArray[np.int64]:
 
 def actuated_rates(loops: ModelLoops, angle: Array, speed: Array) -> Array:
     """Return the rates of `actuated_dofs`, (n, k), at angles and speeds of the crank, (n,)."""
-    values, speeds = {loops.crank_address: angle}, {loops.crank: speed}
-    if loops.drivers is not None:
-        value, rate, _ = loops.drivers.law(angle)
-        values |= dict(zip(loops.drivers.addresses.tolist(), value, strict=True))
-        speeds |= dict(zip(loops.drivers.dofs.tolist(), rate * speed, strict=True))
+    value, rate, _ = loops.drivers.law(angle)
+    values = {loops.crank_address: angle} | dict(zip(loops.drivers.addresses.tolist(), value, strict=True))
+    speeds = {loops.crank: speed} | dict(zip(loops.drivers.dofs.tolist(), rate * speed, strict=True))
     chained_rates = rates(_chain(loops), values, speeds)
     return np.stack([chained_rates[int(dof)] for dof in actuated_dofs(loops)], 1)
 
@@ -195,12 +193,12 @@ def _evaluated(
         # while friction sticks or reverses, soft loops oscillate about the motion; the force of a follower is
         # constant over each step; MuJoCo's constraints of rods and polynomials omit the velocity-product term
         crank_acceleration = qacc[:, loops.crank].copy()
-        driver_acceleration = None if loops.drivers is None else qacc[:, loops.drivers.dofs].copy()
+        driver_acceleration = qacc[:, loops.drivers.dofs].copy()
     if crank_acceleration is not None:
         # after this change of MuJoCo's accelerations, (n, nv), the loops stay closed exactly
         change, opened = np.zeros_like(qacc), closure_acceleration(loops, states, qacc, links)
         change[:, loops.crank] = crank_acceleration - qacc[:, loops.crank]
-        if driver_acceleration is not None and loops.drivers is not None:
+        if driver_acceleration is not None:
             opened[:, loops.driven_rows] = qacc[:, loops.drivers.dofs] - driver_acceleration
         if opened.shape[1]:
             right = opened + _column(jacobian, loops.crank) * change[:, [loops.crank]]
@@ -218,7 +216,7 @@ def _evaluated(
         time=states.time,
         closure=np.abs(residual[:, loops.point_rows]).max(1, initial=0.0),
         conditioning=loop_jacobian.conditioning(loops, jacobian),
-        drivers=() if loops.drivers is None else loops.drivers.names,
+        drivers=loops.drivers.names,
     )
 
 
@@ -308,7 +306,7 @@ def closure_acceleration(
 ) -> Array:
     """Return the second time derivative of the constraint residuals at given accelerations, (n, m)."""
     model = loops.model
-    rates: list[Array] = [np.zeros((len(qacc), 0))]
+    rates = list[Array]()
     world = resting(len(qacc))
     motions = {model.body(name).id: link for name, link in links.items()} | {0: world}
     for pair in (*loops.pairs, *loops.rods):
@@ -326,11 +324,9 @@ def closure_acceleration(
     for coupling in loops.couplings:
         rows = coupling.jacobian(states.qpos, model.nv)
         rates.append(((rows * qacc).sum(1) - coupling.velocity_product(states.qpos, states.qvel))[:, None])
-    if loops.drivers is not None:
-        _, first, second = loops.drivers.law(states.qpos[:, loops.crank_address])
-        targets = first * qacc[:, loops.crank] + second * states.qvel[:, loops.crank] ** 2
-        rates.append(qacc[:, loops.drivers.dofs] - targets.T)
-    return np.concatenate(rates, 1)
+    _, first, second = loops.drivers.law(states.qpos[:, loops.crank_address])
+    targets = first * qacc[:, loops.crank] + second * states.qvel[:, loops.crank] ** 2
+    return np.concatenate([*rates, qacc[:, loops.drivers.dofs] - targets.T], 1)
 
 
 def resting(n: int) -> LinkMotion:

@@ -55,7 +55,7 @@ def with_timestep(run: DrivenRun, settings: Settings, timestep: float) -> tuple[
     longest, shortest = period / 4.0, period / MAX_STEPS
     if not shortest <= timestep <= longest:
         limit = f"{longest:.3g} s at the most" if timestep > longest else f"{shortest:.3g} s at the least"
-        cycle = "a turn of the crank" if run.closed.loops.drivers is None else "a cycle of the motion laws"
+        cycle = "a turn of the crank" if run.closed.loops.drivers.crank else "a cycle of the motion laws"
         raise InputError(f"time step is {timestep:g} s, but {cycle} takes {period:.6g} s; take {limit}")
     total = int(np.floor(profile.duration / timestep + WHOLE_STEP_TOLERANCE))
     require_steps(

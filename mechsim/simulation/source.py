@@ -182,9 +182,8 @@ def initial_guess(mechanism: Mechanism, scene: Scene) -> tuple[ModelLoops, Array
     spec = generate(mechanism, scene, guessed_poses(mechanism))
     loops = closed_loops(spec, CRANK if mechanism.has_crank else mechanism.drivers, mechanism.named_laws)
     guess = loops.model.qpos0.copy()
-    if loops.drivers is None:
+    if loops.drivers.crank:
         guess[loops.crank_address] = mechanism.start
-        return loops, guess
     for name, address in zip(loops.drivers.names, loops.drivers.addresses, strict=True):
         guess[address] = mechanism.guess_coordinates.get(name, guess[address])
     return replace(loops, drivers=loops.drivers.locked_at(guess[loops.drivers.addresses])), guess

@@ -106,7 +106,7 @@ def step(
         progress: callback after every block.
     """
     timestep, moved = profile.duration / total, recording.actuated_dofs(loops)
-    driven = not profile.steady or len(moved) > 1 or loops.drivers is not None
+    driven = not profile.steady or len(moved) > 1 or not loops.drivers.crank
     if driven:
         needed, remedy = BYTES_PER_STEP * len(moved), "take {most} steps at the most"
         require_memory(f"the drive's torque at {total:,} steps", total, needed, remedy)
@@ -146,7 +146,7 @@ def step(
         _renewed_rollout(loops, *stepping) if renewed else rollout(batch.Batch(loops.model, 1, 1), *stepping)
     )
     force = None if torque is None else torque[np.minimum(run.numbers, total - 1)]
-    if force is not None and len(moved) == 1 and loops.drivers is None:
+    if force is not None and len(moved) == 1 and loops.drivers.crank:
         force = force[:, 0]
     return replace(run, force=force, settings=used)
 

@@ -150,7 +150,7 @@ def constraint_forces(loaded: LoadedModel, state: LoadedState, fields: Fields) -
         return spent - state.plain["qfrc_smooth"][:, dof] - forces[:, dof]
 
     drives = loaded.loops.drivers
-    if drives is None:
+    if drives.crank:
         return multipliers, drive_force(loaded.loops.crank)
     multipliers[:, first_driven:] = np.stack([drive_force(int(dof)) for dof in drives.dofs], 1)
     # the torque on the path parameter with the power of all drives
@@ -168,7 +168,7 @@ def force_record(
     coupled_rows, driven = multipliers[:, loaded.loops.coupled_rows].T, loaded.loops.drivers
     holds = dict(zip(loaded.mechanism.locked, coupled_rows[len(loaded.mechanism.laws) :], strict=False))
     drives: dict[str, Array] = {}
-    if driven is None:
+    if driven.crank:
         drive_forces.generalised[:, crank] = torque
     else:
         drive_forces.generalised[:, driven.dofs] = multipliers[:, loaded.loops.driven_rows]
@@ -201,10 +201,8 @@ def force_record(
         gears=forces_of_couplings(loaded, multipliers),
         meshes=mesh_forces(loaded, state.plain, multipliers),
         drives=drives,
-        locked=holds if driven is None else {},
-        drive_accelerations={}
-        if driven is None
-        else dict(zip(driven.names, qacc[:, driven.dofs].T, strict=True)),
+        locked=holds if driven.crank else {},
+        drive_accelerations=dict(zip(driven.names, qacc[:, driven.dofs].T, strict=True)),
         straight=loaded.mechanism.straight,
         kinetic=_kinetic(loaded, rates, state.plain),
         potential=state.plain["energy"][:, 0] + 0.5 * wound + stored_and_lost(loaded, state.plain)[0],
@@ -291,7 +289,7 @@ def _kinetic(loaded: LoadedModel, rates: Array, plain: Fields) -> Array:
     """
     model, rates = loaded.model, rates.copy()
     masses, moments = model.body_mass.copy(), model.body_inertia.copy()
-    if loaded.loops.drivers is not None:
+    if not loaded.loops.drivers.crank:
         parameter = model.dof_bodyid[loaded.loops.crank]
         masses[parameter] = moments[parameter] = rates[:, loaded.loops.crank] = 0.0
     w, about = plain["cvel"][..., :3], plain["subtree_com"][:, model.body_rootid]
@@ -512,8 +510,7 @@ def _straightened(loaded: LoadedModel, states: States) -> States:
     loops = loaded.loops
     if not any(row.nonlinear for row in (*loops.couplings, *loops.rods)):
         return states
-    if loops.drivers is not None:
-        loops = replace(loops, drivers=loops.drivers.locked_at(states.qpos[:, loops.drivers.addresses].T))
+    loops = replace(loops, drivers=loops.drivers.locked_at(states.qpos[:, loops.drivers.addresses].T))
     qpos = loop_jacobian.close(loops, states.qpos)
     # rows of locked drivers omit the rate of the path parameter, on which the drivers' rates depend
     rows = loops.linearise(qpos)[1][:, : loops.driven_rows.start]

@@ -167,7 +167,7 @@ class LoadedModel(ClosedModel):
 
         rows, columns, index = self._inertia_entries
         values, crank = fields["M"].T[index], self.loops.crank
-        if self.loops.drivers is not None:
+        if not self.loops.drivers.crank:
             # the path parameter advances steadily: its inertia, the mean, matters only to the solution method
             diagonal = rows == columns
             values[diagonal & (rows == crank)] = values[diagonal, 0].sum() / self.model.nv

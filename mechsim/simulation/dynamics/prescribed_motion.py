@@ -196,7 +196,7 @@ def _conditioning_note(loaded: LoadedModel, states: States) -> str:
     if not conditioning[least] < BARELY:
         return ""
     return (
-        f"at {loops.driver_text(float(states.qpos[least, loops.crank_address]))} the loops hardly hold the "
+        f"at {loops.drivers.text(float(states.qpos[least, loops.crank_address]))} the loops hardly hold the "
         f"links (conditioning {conditioning[least]:.2g}), as where a redundant crank lies almost in line "
         "with the others: forces grow there, and errors of stepped ones with them; solved poses have none "
         "(method pose)"

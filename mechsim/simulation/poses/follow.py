@@ -42,7 +42,7 @@ def point_positions(loops: ModelLoops, states: Array) -> Array:
 
 def _shifted(loops: ModelLoops, state: Array, revolutions: int) -> Array | None:
     """Return the state with revolutions added to the crank angle; None if that is another pose."""
-    if loops.drivers is not None:
+    if not loops.drivers.crank:
         return None
     shifted = state.copy()
     shifted[loops.crank_address] += revolutions * REVOLUTION
@@ -78,9 +78,10 @@ class PosePath(ContinuationPath[ModelEquations, ModelStates]):
     singular_fraction = 0.15
 
     def __init__(self, closure: ModelLoops, start: Array):
-        names = PathNames("the drivers", closure.driver_text, closure.driver_text)
-        if closure.drivers is None:
-            names = PathNames("the crank", lambda s: f"{s:.7g} rad", closure.driver_text)
+        text = closure.drivers.text
+        names = PathNames("the drivers", text, text)
+        if closure.drivers.crank:
+            names = PathNames("the crank", lambda s: f"{s:.7g} rad", text)
         first = loop_solver(ModelEquations(closure, start), ModelStates(start[None]))
         initial = float(start[closure.crank_address])
         super().__init__(first, lambda s: s[None], initial, closure.change_point, names)
@@ -123,8 +124,6 @@ class PosePath(ContinuationPath[ModelEquations, ModelStates]):
     def _with_pulses(self, guess: Array, singular: NDArray[np.bool_]) -> Array:
         """Return states whose drivers have moved in steps to their laws, of which polynomials omit pulses."""
         closure, drivers = self.loops.closure, self.loops.closure.drivers
-        if drivers is None:
-            return guess
         start = guess[:, drivers.addresses].T
         offset = drivers.law(guess[:, closure.crank_address])[0] - start
         distance = np.abs(offset / closure.units[drivers.dofs, None]).max(0, initial=0.0)
@@ -201,7 +200,7 @@ def follow_path(loops: ModelLoops, start: Array, angles: ArrayLike) -> tuple[Arr
 def _follow_path(loops: ModelLoops, start: Array, angles: Array) -> tuple[Array, PosePath]:
     path = _pose_path(loops, tuple(start.tolist()))
     revolves = np.ptp(np.append(angles, path.initial)) > 1.5 * REVOLUTION
-    if revolves and path.gain is None and loops.drivers is None:
+    if revolves and path.gain is None and loops.drivers.crank:
         # follow one revolution of the crank, and compare its ends
         with suppress(AssemblyError):
             end = path.states_at(np.array([path.initial, path.initial + REVOLUTION]))
@@ -233,9 +232,7 @@ def move_drivers(loops: ModelLoops, state: Array, target: Array, target_text: st
     Raises:
         AssemblyError: if the loops do not close on the path.
     """
-    drivers = loops.drivers
-    assert drivers is not None
-    start = state.copy()
+    drivers, start = loops.drivers, state.copy()
     start[loops.crank_address] = 0.0
     current = start[drivers.addresses]
     distance = float(np.abs((target - current) / loops.units[drivers.dofs]).max(initial=0.0))
