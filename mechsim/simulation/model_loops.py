@@ -222,7 +222,9 @@ class ModelLoops:
         along = gaps[:, first:second] / lengths[:, None]
         errors = [pair.rotation_error(*(rotation[:, body] for body in pair.bodies)) for pair in self.frames]
         coupled = [coupling.residual(qpos)[:, None] for coupling in self.couplings]
-        drivers, law = self.drivers, self.drivers.law(qpos[:, self.crank_address])
+        # a model without joints has no crank either
+        angle = qpos[:, self.crank_address] if self.model.nv else np.zeros(len(qpos))
+        drivers, law = self.drivers, self.drivers.law(angle)
         chunks = [
             gaps[:, :first].reshape(n, 3 * first),
             0.5 * ((along * gaps[:, first:second]).sum(2) - lengths),
