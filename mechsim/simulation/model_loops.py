@@ -255,9 +255,9 @@ class ModelLoops:
             for i, coupling in enumerate(self.couplings, self.coupled_rows.start):
                 dofs = coupling.dofs
                 out[:, number[i, dofs]] = coupling.jacobian(qpos, self.model.nv)[:, dofs]
-            rows = self.driven_rows.start + np.arange(len(drivers.dofs))
-            out[:, number[rows, drivers.dofs]] = 1.0
-            out[:, number[rows, self.crank]] = -law[1].T
+            for i, (dof, rate) in enumerate(zip(drivers.dofs, law[1], strict=True), self.driven_rows.start):
+                out[:, number[i, dof]] = 1.0
+                out[:, number[i, self.crank]] = -rate
             return out
 
         return np.concatenate(chunks, 1), values
@@ -290,8 +290,8 @@ class ModelLoops:
             nonzero[first : first + (1 if pairs <= i < points else 3), dof] = True
         for i, coupling in enumerate(self.couplings, self.coupled_rows.start):
             nonzero[i, coupling.dofs] = True
-        nonzero[self.driven_rows, self.crank] = True
-        nonzero[self.driven_rows, self.drivers.dofs] |= np.eye(len(self.drivers.dofs), dtype=np.bool_)
+        for i, dof in enumerate(self.drivers.dofs, self.driven_rows.start):
+            nonzero[i, [dof, self.crank]] = True
         rows, columns = np.nonzero(nonzero)
         return rows, columns
 
