@@ -3,12 +3,16 @@
 import inspect
 import json
 import re
+import shlex
 
 import numpy as np
 import pytest
 from processes import python
+from valid_scene import SOUND
 
-from mechsim import catalog, cli
+from mechsim import catalog, cli, files
+from mechsim.cli import examples
+from mechsim.errors import InputError
 
 
 def test_a_table_that_is_no_text_is_rejected(mechsim, tmp_path):
@@ -68,3 +72,54 @@ def test_help_imports_no_heavy_library():
 def test_common_units_and_analytic_commands_import_no_heavy_library():
     usual = loaded_by("show four_bar", "solve four_bar --set crank=41mm --speed 300rpm --angles 0:360:45deg")
     assert not usual & {"pint", "xarray", "scipy", "matplotlib", "mediapy", "mujoco"}
+
+
+@pytest.mark.parametrize("name", cli.COMMANDS)
+def test_help_names_types_fits_eighty_columns_and_ends_with_two_examples(name, mechsim):
+    out = mechsim(*name.split(), "--help").out
+    assert not re.search(r"<(str|int|float|text)>", out)
+    assert max(map(len, out.splitlines())) <= 80
+    lines = examples(cli.load_command(name).help)
+    assert len(lines) >= 2
+    assert out.splitlines()[-len(lines) :] == [f"  {line}" for line in lines]
+
+
+@pytest.mark.parametrize("name", cli.COMMANDS)
+def test_examples_use_existing_options(name):
+    command = cli.load_command(name)
+    for line in examples(command.help):
+        words = shlex.split(line)
+        count = 1 + len(name.split())
+        assert words[:count] == ["mechsim", *name.split()]
+        # raises for an unknown option or a missing argument
+        command.make_context(name, words[count:])
+
+
+def test_driver_errors_beyond_the_tolerance_are_reported(mechsim):
+    """Positions are checked at the actual driver positions, which lag within a step."""
+    arguments = ("simulate", "four_bar", "--drive", "crank=0.5*sin(6*t)", "--samples", "12", "-o")
+    fine = mechsim(*arguments, "found.csv", "--tolerance", "1um")
+    coarse = mechsim(*arguments, "coarse.csv", "--tolerance", "1mm")
+    assert mechsim(*arguments, "wanted.csv", "--method", "pose").code == 0
+    result, expected = files.read("found.csv"), files.read("wanted.csv")
+    gaps = [[result[f"{point}.{axis}"] - expected[f"{point}.{axis}"] for axis in "xyz"] for point in "ABC"]
+    largest = np.linalg.norm(gaps, axis=1).max()
+    assert largest > 1e-6
+    assert f"positions differ by up to {largest:.2g} m from those of the motion laws" in fine.out
+    assert (fine.code, coarse.code) == (0, 0)
+    assert "from those of the motion laws" not in coarse.out
+
+
+DRIVEN = ("--drive", "crank=0.3*sin(2*pi*t)", "--duration", "0.1")
+
+
+def test_a_late_rejection_writes_no_file(mechsim, file, tmp_path, monkeypatch):
+    def reject(*_):
+        raise InputError("no")
+
+    for function in ("scene_findings", "loss_of_significance"):
+        with monkeypatch.context() as patched:
+            patched.setattr(f"mechsim.cli.simulate.{function}", reject)
+            code, _, err = mechsim("simulate", file(SOUND), *DRIVEN, "-o", "run.csv")
+        assert (code, err) == (2, "mechsim: no\n")
+        assert not (tmp_path / "run.csv").exists()

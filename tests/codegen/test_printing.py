@@ -12,6 +12,7 @@ from grids import grid
 from model_files import model_text
 
 import mechsim as ms
+from mechsim.codegen.expressions import ExpressionTable
 from mechsim.codegen.kinematics import identifiers
 from mechsim.codegen.self_test import c_test, javascript_test
 from mechsim.codegen.solver_code import STATUSES
@@ -221,3 +222,21 @@ def test_the_command_writes_solver_and_self_test(tmp_path, mechsim):
     assert code == 0
     assert "slider_crank_solve from crank (any value)" in out
     assert node(tmp_path / "b.js").returncode == 0
+
+
+def test_constants_are_folded():
+    table = ExpressionTable()
+    x, y = table.symbol("x"), table.symbol("y")
+    assert x + 0.0 is x
+    assert 0.0 + x is x
+    assert x * 1.0 is x
+    assert x - 0.0 is x
+    assert (x * 0.0).number == 0.0
+    assert (x - x).number == 0.0
+    assert (x * 6e-17).number == 0.0
+    negative = -x
+    assert -negative is x
+    assert (-x) * (-y) is x * y
+    assert x - (-y) is x + y
+    assert 2.0 * (3.0 * x) is 6.0 * x
+    assert (table.expression(2.0) * table.expression(0.25)).number == 0.5

@@ -1,11 +1,16 @@
 """Wrong, late and diverged motions fail with a reason in one line."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from driven_mechanisms import boom, five_bar, sinusoidal
 
 import mechsim as ms
+from mechsim import crosscheck
+from mechsim.kinematics.solvers import KinematicSolver
+from mechsim.mechanism.motion_laws import make_motion_laws
 from mechsim.simulation import simulate
 
 SPEED = 62.8
@@ -60,3 +65,72 @@ def test_explicit_tolerances_replace_the_defaults(revolution) -> None:
     verdict = ms.crosscheck(revolution, FOUR_BAR, bounds=strict)
     assert_rejected(verdict)
     assert {check.title.split()[0] for check in verdict.checks if not check.passed} == {"acceleration"}
+
+
+LAWS = make_motion_laws(
+    five_bar(), {"left": sinusoidal(2.0, 0.3, 6.0), "right": sinusoidal(1.0, 0.2, 9.0)}, 1.0
+)
+SOLVER = KinematicSolver(five_bar(), motion_laws=LAWS)
+# a cylinder with a fast oscillation
+BOOM = KinematicSolver(
+    boom(), motion_laws=make_motion_laws(boom(), {"stroke": sinusoidal(0.8, 0.01, 60.0)}, 1.0)
+)
+TIME = np.linspace(0.0, 1.0, 40)
+
+
+def record(solver: KinematicSolver, source: str):
+    """Return a motion as a simulator would record it."""
+    assert not solver.motion_laws.crank
+    motion = solver.solve(t=TIME)
+    return replace(motion, source=source, time=TIME, origin=None, closure=np.zeros(len(TIME)))
+
+
+def lagging(by: float) -> KinematicSolver:
+    late = make_motion_laws(
+        five_bar(), {"left": sinusoidal(2.0, 0.3, 6.0, -by), "right": sinusoidal(1.0, 0.2, 9.0)}, 1.0
+    )
+    return KinematicSolver(five_bar(), motion_laws=replace(late, rate=LAWS.rate))
+
+
+@pytest.mark.parametrize("source", ["pose", "step"])
+def test_every_driver_with_a_motion_law_is_checked(source):
+    verdict = crosscheck(record(SOLVER, source), SOLVER)
+    assert verdict.passed, verdict
+    reported = {check.subject: check.worst for check in verdict.checks if check.kind == "driver angle"}
+    assert reported.keys() == {"left", "right"}
+    assert max(reported.values()) < 1e-14
+
+
+def test_drivers_without_motion_laws_are_not_checked():
+    verdict = crosscheck(record(SOLVER, "pose"), record(lagging(0.0), "loop equations"))
+    assert verdict.passed
+    assert "driver angle" not in {check.kind for check in verdict.checks}
+
+
+def test_a_lagging_driver_fails_only_its_own_check():
+    verdict = crosscheck(record(lagging(0.05), "step"), SOLVER)
+    assert [check.title for check in verdict.checks if not check.passed] == ["drive: left"]
+    worst = next(check.worst for check in verdict.checks if check.title == "drive: left")
+    assert worst == pytest.approx(0.3 * 0.05, rel=2e-2)
+
+
+@pytest.mark.parametrize("solver", [SOLVER, BOOM], ids=["arms", "cylinder"])
+def test_accelerations_are_relative_to_the_fastest_driver(solver):
+    result = record(solver, "pose")
+    verdict = crosscheck(result, solver)
+    limit = next(c for c in verdict.checks if c.kind == "acceleration").tolerance
+    reach = max(np.abs(item.position).max() for item in (*result.points.values(), *result.links.values()))
+    drivers = [result.joints[name] for name in result.drivers]
+    quickest = max(
+        np.abs(item.acceleration).max() / (1.0 if item.unit == "rad" else reach) for item in drivers
+    )
+    assert limit == pytest.approx(8192 * np.finfo(np.float64).eps * reach * quickest, rel=1e-9)
+
+
+def test_a_solver_of_times_is_compared_at_the_recorded_times():
+    result = record(SOLVER, "step")
+    of_times = SimpleNamespace(solve=SOLVER.solve, motion_laws=LAWS, assembly_sign=SOLVER.assembly_sign)
+    assert crosscheck(result, of_times).passed
+    late = record(lagging(0.05), "step")
+    failed = {check.kind for check in crosscheck(late, of_times).checks if not check.passed}
+    assert failed >= {"driver angle", "position"}

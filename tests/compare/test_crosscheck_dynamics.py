@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 from every_force import every_force
 from grids import grid
+from mechanisms import rscr
 
+import mechsim as ms
 from mechsim import catalog, dynamics, load_profile
 from mechsim.mechanism.forces import Forces, Friction
 from mechsim.mechanism.motors import ConstantTorque, DCMotor
@@ -70,3 +72,35 @@ def test_a_model_with_all_forces_is_read_back_exactly(name):
         made = getattr(model, field)
         if isinstance(made, np.ndarray) and made.dtype == np.float64:
             np.testing.assert_array_equal(getattr(back, field), made, err_msg=field)
+
+
+FOUR = ("viscous", "coulomb", "viscous_turn", "coulomb_turn")
+
+
+def lost(friction, angles):
+    """Return the forces of the R-S-C-R under friction in its cylindrical joint, at 30 rad/s."""
+    forces = ms.Forces(gravity=(0.3, -9.81, 0.5), friction=(friction,))
+    return ms.dynamics.prescribed(ms.dynamics.dynamic_model(rscr(), forces), angles, 30.0)
+
+
+def test_friction_power_follows_from_joint_rates():
+    sleeve, angles = ms.Friction("sleeve", 0.2, 0.5, 1e-3, 4e-3), np.linspace(0.7, 1.4, 9)
+    study = lost(sleeve, angles)
+    bare, bare_turn = (
+        lost(replace(sleeve, **dict.fromkeys(names, 0.0)), angles).forces.power_lost
+        for names in (FOUR[:2], FOUR[2:])
+    )
+    assert (study.forces.power_lost > bare).all()
+    assert study.forces.power_lost == pytest.approx(bare + bare_turn, rel=1e-12)
+    assert study.second_torque == pytest.approx(study.forces.torque, rel=1e-10)
+
+
+def test_coulomb_friction_of_a_ball_opposes_its_angular_velocity():
+    forces = ms.Forces(friction=(ms.Friction("S", 1e-5, 4e-4),))
+    model = ms.dynamics.dynamic_model(ms.catalog.make("rrsrr"), forces)
+    ball = model.mechanism.joint("S")
+    study = ms.dynamics.prescribed(model, np.linspace(0.0, 6.0, 13), 30.0)
+    links = model.solver.solve(study.forces.angle, 30.0).links
+    spins = [links[end.link].angular_velocity for end in (ball.a, ball.b)]
+    spin = np.sqrt(((spins[1] - spins[0]) ** 2).sum(1))
+    assert study.forces.power_lost == pytest.approx(4e-4 * spin + 1e-5 * spin**2, rel=1e-12)

@@ -1,9 +1,14 @@
 """Documented tolerances by method: a change in the table must be repeated here, with its reason."""
 
 import re
+from functools import cache
 
 import pytest
+from catalog_faults import SWINGING
+from grids import grid
 
+from mechsim import catalog, loops
+from mechsim.compare.crosscheck import crosscheck
 from mechsim.compare.quantities import (
     CRANK_DRIVE,
     DRIVERS,
@@ -11,7 +16,13 @@ from mechsim.compare.quantities import (
     MOTION,
     QUANTITIES,
 )
+from mechsim.compare.tolerances import WELL_CONDITIONED
+from mechsim.kinematics.loops.motion import conditioning_of
+from mechsim.mechanism.motion_laws import swing
 from mechsim.numerics.arrays import EPS
+from mechsim.simulation import Settings, simulate
+from mechsim.studies import validate
+from mechsim.studies.validate import case_of
 
 # method -> fraction of the scale, factor of the requested tolerance, power of the conditioning
 FORCE = {"pose": (1e-10, 0.0, 5), "step": (1e-5, 0.0, 0)}
@@ -72,3 +83,69 @@ def test_tolerances_are_at_most_a_hundred_times_the_measured_errors():
                 low, high = (3.0, 30.0) if " eps" in limit.reason else (1.2, 100.01)
                 assert low <= limit.fixed / (float(output["number"]) * unit) <= high, (row.name, limit.reason)
     assert stated >= 10
+
+
+def near_a_dead_centre(name, fraction):
+    """Return a mechanism that swings over a fraction of its range, and that swing."""
+    linkage = catalog.make(name, **SWINGING[name])
+    low, high = linkage.crank_range().arcs[0]
+    return linkage, swing(0.5 * (low + high), 0.5 * fraction * (high - low), 20.0)
+
+
+@pytest.mark.long
+def test_validation_reduces_steps_until_the_run_converges(monkeypatch):
+    # a random warp knitter near a dead centre fails with 1000 steps per revolution, this one with four
+    monkeypatch.setattr(validate, "STEPS", 4)
+    linkage = catalog.make("warp_knitter")
+    assert simulate(linkage.mechanism, speed=60.0, settings=Settings(steps_per_turn=4)).outcome == "diverged"
+    case = case_of(linkage)
+    assert case.passed, case.verdict.reason
+    assert case.run.steps > 4
+
+
+@cache
+def close_to_a_dead_centre(name):
+    """Return a mechanism, and its solved configurations over 0.9999 of its range."""
+    linkage, profile = near_a_dead_centre(name, 0.9999)
+    return linkage, simulate(linkage.mechanism, profile=profile, method="pose", samples=72)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", grid(SWINGING, ("four_bar",)))
+def test_configurations_near_a_dead_centre_pass(name):
+    linkage, run = close_to_a_dead_centre(name)
+    verdict = crosscheck(run, linkage)
+    assert run.outcome == verdict.outcome == "passed", str(verdict)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", grid(SWINGING, ("four_bar",)))
+@pytest.mark.parametrize("method", ["pose", "step"])
+def test_a_link_too_long_by_a_thousandth_fails_near_a_dead_centre(name, method):
+    # at 0.98 of its range a slider-crank has a conditioning of 0.17
+    linkage, profile = near_a_dead_centre(name, 0.995 if name == "slider_crank" else 0.98)
+    longer = next(item for item in ("coupler", "rod", "link", "rod3") if hasattr(linkage, item))
+    wrong = linkage.with_parameters(**{longer: 1.001 * getattr(linkage, longer)})
+    settings = Settings() if method == "step" else None
+    run = simulate(wrong.mechanism, profile=profile, method=method, settings=settings, samples=72)
+    verdict = crosscheck(run.motion, linkage)
+    assert not verdict.passed
+    # the run includes poorly conditioned instants
+    conditioning = conditioning_of(linkage.mechanism, linkage.solve(run.motion.angle))
+    assert conditioning.min() < WELL_CONDITIONED
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", grid(["four_bar", "rssr", "slider_crank", "rrsrr"], ("four_bar",)))
+def test_both_methods_report_the_conditioning_of_the_loops(name):
+    """The methods use different coordinates: conditionings are similar, and fall at a dead centre."""
+    linkage, run = close_to_a_dead_centre(name)
+    simulated, exact = (
+        run.motion.conditioning,
+        conditioning_of(linkage.mechanism, linkage.solve(run.motion.angle)),
+    )
+    own = loops.solve(linkage.mechanism, run.motion.angle).conditioning
+    for item in (simulated, own):
+        assert 0.05 < (item / exact).min() <= (item / exact).max() < 20.0
+    for item in (simulated, own, exact):
+        assert item[0] < 0.1 * item.max()

@@ -286,22 +286,6 @@ def test_a_single_instant_of_another_speed_fails():
     assert [check.kind for check in slow.checks if not check.passed] == ["drive speed"]
 
 
-def test_motions_at_other_angles_or_points_are_rejected():
-    exact = replace(EXACT, source="closed form")
-    with pytest.raises(Exception, match="has other crank angles"):
-        crosscheck(EXACT, replace(exact, angle=ANGLE[:1]))
-    with pytest.raises(Exception, match="has no point Q"):
-        crosscheck(EXACT, replace(exact, points={**EXACT.points, "Q": EXACT.points["P"]}))
-    with pytest.raises(Exception, match="has no point"):
-        crosscheck(EXACT, replace(exact, points={}))
-    hole = PATH.copy()
-    hole[2, 1] = np.nan
-    with pytest.raises(Exception, match=f"no finite position of point 'P' at crank angle {ANGLE[2]:.6g}"):
-        crosscheck(EXACT, replace(exact, points=moving(hole).points))
-    with pytest.raises(Exception, match="no instants"):
-        crosscheck(replace(EXACT, angle=ANGLE[:0]), exact)
-
-
 def test_the_drive_is_checked_if_its_speed_is_known():
     exact = replace(EXACT, source="closed form")
     time = (ANGLE - ANGLE[0]) / 1.0 + 7.0

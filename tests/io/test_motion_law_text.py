@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mechsim.errors import InputError
-from mechsim.io.law_text import parse_motion_law
+from mechsim.io.law_text import control_law, parse_motion_law
 
 TIMES = np.linspace(0.1, 0.9, 17)
 
@@ -83,3 +83,14 @@ def test_a_table_is_interpolated_smoothly_and_has_a_duration(tmp_path):
     np.testing.assert_allclose(value, np.sin(3 * TIMES), atol=1e-7)
     np.testing.assert_allclose(rate, 3 * np.cos(3 * TIMES), atol=1e-5)
     np.testing.assert_allclose(second, -9 * np.sin(3 * TIMES), atol=1e-3)
+
+
+T = np.linspace(0.0, 1.0, 5)
+
+
+def test_a_control_is_read_from_a_table(tmp_path):
+    path = tmp_path / "control.csv"
+    path.write_text("t,value\n" + "".join(f"{t},{2 * t}\n" for t in np.linspace(0, 1, 9)))
+    result = control_law(str(path), "servo")
+    assert result(T)[0] == pytest.approx(2 * T)
+    assert result.end_time == 1.0

@@ -1,10 +1,14 @@
 """Motion laws determine the start of drivers that have none."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from model_files import copied
+from model_files import FOLDER, copied
 
 import mechsim as ms
+from mechsim.kinematics.loops.mobility import driver_determinacy
+from mechsim.simulation.mjcf_reader.reading import read_model
 
 BASE, PLATE, LEG = 0.2, 0.12, 0.3
 DRIVERS = ("l1", "l2", "l3")
@@ -56,3 +60,25 @@ def test_a_relative_motion_law_starts_where_the_legs_reach_the_plate():
     assert (np.abs(start[:, 0]) >= BASE - PLATE).all()
     assert "l1 = " in solver.facts[0]
     np.testing.assert_allclose(np.diff(start), 0.01, atol=1e-12)
+
+
+def test_mobility_at_a_folded_start_is_that_of_the_motion():
+    # a ram and two links of equal lengths, which are folded onto each other at length 0
+    mechanism = read_model(str(FOLDER / "folded_start_leg.xml")).mechanism
+    assert driver_determinacy(mechanism).outcome == "determined"
+    # two drivers of one degree of freedom stay redundant
+    third = replace(mechanism, driver=("yaw", "length", "knee"))
+    assert driver_determinacy(third).redundant_drivers == ("knee",)
+
+
+@pytest.mark.parametrize("tilt", [0.7, -2.2])
+def test_the_orientation_of_an_inclined_slider_agrees_in_both_methods(tilt: float) -> None:
+    solver = ms.load(FOLDER / "slides_without_references.toml", set={"tilt": tilt})
+    run = ms.simulate(solver, method="pose", speed=1.0)
+    exact = solver.solve(run.motion.angle)
+    for motion in (run.motion, exact):
+        along = motion.links["slider"].rotation[:, :, 0]
+        assert np.abs(along - [np.cos(tilt), np.sin(tilt), 0.0]).max() < 1e-12
+        assert np.abs(motion.links["slider"].rotation[:, 2, 2] - 1.0).max() < 1e-12
+    distance = run.motion.points["nose"].position - exact.points["nose"].position
+    assert np.abs(distance).max() < 1e-12 * solver.mechanism.characteristic_length

@@ -1,10 +1,14 @@
 """Tables of laws, functions, loads and poses may state units in their headers, as `q [deg]`."""
 
+import tomllib
+
 import numpy as np
+import pytest
 from model_files import model_text
 
 import mechsim as ms
 from mechsim import files
+from mechsim.io.parameter_units import parameter_units
 
 ANGLES = np.linspace(0.0, 2.0 * np.pi, 37)
 IN_SI = {"q": ANGLES, "value": 0.004 * np.sin(0.5 * ANGLES) ** 2}
@@ -37,3 +41,27 @@ def test_a_motion_law_in_milliseconds_and_degrees_passes_through_its_rows(tmp_pa
     law = str(tmp_path / "law.csv")
     motion = ms.load("four_bar", drive={"crank": law}).solve(t=time)
     assert np.abs(motion.joints["crank"].value - angle).max() < 1e-14
+
+
+FILE = model_text("parameter_units_file.toml")
+
+
+def test_lengths_angles_and_plain_numbers_are_distinguished():
+    result = parameter_units(tomllib.loads(FILE))
+    lengths = {name for name, unit in result.items() if unit == "m"}
+    angles = {name for name, unit in result.items() if unit == "rad"}
+    # half is a term of no length: it enters roots and products only
+    assert lengths == {"crank", "rod", "reach", "span"}
+    assert angles == {"bend", "tilt"}
+
+
+@pytest.mark.parametrize("document", [{}, {"parameters": 3}, {"parameters": {"a": [1]}, "joints": 4}])
+def test_an_invalid_file_determines_no_units(document):
+    assert parameter_units(document) == {}
+
+
+@pytest.mark.parametrize(("motion", "unit"), [("translating", "m"), ("swinging", "rad")])
+def test_the_lift_of_a_cam_has_the_unit_of_its_follower(motion, unit):
+    cam = {"follower": {"kind": "roller", "motion": motion}, "law": [{"over": 1, "to": "lift"}]}
+    result = parameter_units({"parameters": {"lift": 5}, "cams": {"plate": cam}})
+    assert result == {"lift": unit}

@@ -13,28 +13,6 @@ def test_lists_and_arrays_are_valid_vectors(pivot):
     assert linkage == ms.catalog.make("rssr")
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("name", ["four_bar", "slider_crank", "rssr"])
-def test_every_coupler_length_gives_finite_numbers_or_an_error(name):
-    link = {"slider_crank": "rod"}.get(name, "coupler")
-    angles = np.linspace(-np.pi, np.pi, 41)
-    outcomes = set()
-    for length in np.geomspace(1e-9, 10.0, 40):
-        linkage = ms.catalog.make(name, **{link: float(length)})
-        try:
-            motion = linkage.solve(angles)
-        except ms.AssemblyError as error:
-            outcomes.add("rejected")
-            assert "crank angle" in str(error)
-            assert "nan" not in str(error)
-        else:
-            outcomes.add("solved")
-            for point in motion.points.values():
-                assert np.isfinite(point.position).all()
-                assert np.isfinite(point.acceleration).all()
-    assert outcomes == {"rejected", "solved"}
-
-
 @pytest.mark.parametrize("name", ["four_bar", "slider_crank", "rssr"])
 def test_many_angles_give_the_same_motion_as_single_angles(name):
     linkage = ms.catalog.make(name)

@@ -73,10 +73,3 @@ def test_rates_at_a_dead_centre_are_rejected_or_finite():
                 assert "dead centre" in str(error) or "does not close" in str(error)
             else:
                 assert np.isfinite(motion.points["P3"].acceleration).all()
-
-
-def test_a_loop_without_assembly_mode_is_rejected():
-    linkage = catalog.make("rssr", coupler=0.001)
-    assert linkage.assemblies(0.3) == []
-    with pytest.raises(AssemblyError, match="cannot close at any crank angle"):
-        linkage.positions([0.3])

@@ -13,7 +13,6 @@ from kinetics.test_bushings import MOUNT
 from model_files import FOLDER, load_model
 
 import mechsim as ms
-from mechsim.errors import InputError
 from mechsim.io import catalog
 from mechsim.io.law_text import control_law
 from mechsim.kinetics import compiled_model as in_c
@@ -227,13 +226,6 @@ def test_what_c_does_not_contain_runs_in_numpy_with_a_note():
     run = run_of(Forces(crank_torque=function(lambda time: 1e-3 * time, over="time")))
     assert run.executed == "numpy"
     assert "a load over time given by a function" in run.note
-
-
-@pytest.mark.long
-def test_a_run_beyond_a_load_table_names_the_table():
-    loads = table([0.0, 0.1, 0.2], [1e-3, 2e-3, 0.0], over="time")
-    with pytest.raises(InputError, match=r"load table covers time 0 to 0\.2, but the motion needs"):
-        run_of(Forces(crank_torque=loads))
 
 
 @pytest.mark.long

@@ -5,6 +5,7 @@ import pytest
 from model_files import model_text
 
 import mechsim as ms
+from mechsim.studies.robots.serial_twin import serial_twin
 
 MODEL = model_text("coupling_functions_model.toml")
 
@@ -37,3 +38,11 @@ def test_a_motion_beyond_the_table_ends_with_an_outcome(file, tmp_path):
     run = ms.dynamics.run(free, initial={"in.q": 0.5, "in.v": 5.0}, duration=1.0)
     assert run.outcome not in ("done", "stopped")
     assert run.motion.joints["in"].value.max() <= 1.0 + 1e-9
+
+
+def test_a_hoist_without_loops_couples_the_hook_to_the_drum_by_its_name():
+    # in models of MuJoCo the crank has another name, which the terms of the rope must not keep
+    twin = serial_twin("hoist", "urdf", independent={"drum": (-1.0, 1.0)})
+    assert abs(float(twin.text.split('multiplier="')[1].split('"')[0]) - 0.025) < 1e-15
+    states = ms.sample("hoist", 4)
+    assert np.abs(states.qpos[:, 1] - 0.025 * states.qpos[:, 0]).max() < 1e-15

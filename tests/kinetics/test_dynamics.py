@@ -5,10 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from every_force import every_force
-from model_files import stated_mechanism
 
 from mechsim import catalog, dynamics, load_profile
-from mechsim.errors import AssemblyError, InputError
 from mechsim.kinetics import prescribed_motion
 from mechsim.kinetics.reduced_equation import kinetic_energy_of_links
 from mechsim.mechanism.forces import Forces, Friction, Load
@@ -147,16 +145,6 @@ def test_the_speed_fluctuation_agrees_with_a_free_run():
     )
     assert run.time[-1] == pytest.approx(REVOLUTION / 25.0, rel=1e-10)
     assert np.ptp(run.motion.speed) / 25.0 == pytest.approx(fluctuation.coefficient, rel=1e-3)
-
-
-def test_a_flywheel_without_a_crank_on_the_frame_is_rejected():
-    loose = stated_mechanism("dynamics_loose.toml")
-    with pytest.raises(InputError, match="first link is 'arm', not the frame"):
-        dynamics.dynamic_model(loose, Forces(flywheel=1.0))
-    rocking = catalog.make("four_bar", crank=0.2, rocker=0.19, coupler=0.05, ground=0.1)
-    assert not rocking.crank_range().full
-    with pytest.raises(AssemblyError):
-        dynamics.fluctuation(dynamics.dynamic_model(rocking), 10.0)
 
 
 def columns_of(study):

@@ -4,17 +4,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from model_files import model_text
+from model_files import load_model, model_text
 from scipy.integrate import solve_ivp
 from scipy.optimize import minimize
 
 import mechsim as ms
+from mechsim import dynamics
+from mechsim.kinetics import dynamic_model
 from mechsim.kinetics.compiled_model import NotCompiledError
 from mechsim.kinetics.contacts import ContactMode, Contacts, least_load
 from mechsim.kinetics.dynamic_run import initial_values
 from mechsim.kinetics.equations_of_motion import equations_of_motion
 from mechsim.mechanism.motors import ConstantTorque
-from mechsim.studies.dynamics_check import crosscheck_forward
+from mechsim.simulation.dynamics.prescribed_motion import driven
+from mechsim.studies.dynamics_check import crosscheck_driven, crosscheck_forward
 
 PRESS = model_text("friction_in_motion_press.toml")
 
@@ -180,3 +183,50 @@ def test_a_friction_without_a_load_holds_nothing():
     # two frictions share a force of 35; the first one's limit is zero but for rounding
     shared = np.array([[1.0], [-1.0]]) / np.sqrt(2.0)
     assert least_load(np.array([10.0, 25.0]), shared, np.array([1e-33, 50.0])) == pytest.approx(0.7)
+
+
+def test_friction_by_rate_acts_in_a_prescribed_motion_by_both_methods():
+    solver = load_model(
+        "load_friction_slider_crank.toml",
+        ("coefficient = 0.1 }", 'coefficient = 0.1, static = 0.3, stribeck = "0.5 m/s" }'),
+        more="[forces.loads.press]\nat = { link = 'slider' }\nforce = ['-300 N', 0, 0]",
+    )
+    model = dynamics.dynamic_model(solver)
+    run = driven(model.mechanism, model.forces, speed=25.0, samples=12)
+    verdict = crosscheck_driven(run, model)
+    assert verdict.passed, verdict
+    study = dynamics.prescribed(model, run.motion.angle, 25.0)
+    joints = model.solver.solve(run.motion.angle, 25.0).joints
+    slide, normal = joints["slide"].rate, study.forces.reactions["slide"].force[:, 1]
+    curve = 0.1 + 0.2 * np.exp(-((slide / 0.5) ** 2))
+    # the power of all friction less that of the pins
+    pins = np.zeros(13)
+    for name, moment in (("crank", 0.15 * 8e-3), ("A", 0.2 * 6e-3), ("B", 0.25 * 5e-3)):
+        load = np.linalg.norm(study.forces.reactions[name].force[:, :2], axis=1)
+        pins += (moment * load + 0.01 * (name == "A")) * np.abs(joints[name].rate)
+    expected = curve * np.abs(normal * slide)
+    assert study.forces.power_lost - pins == pytest.approx(expected, rel=1e-9, abs=1e-9)
+
+
+@pytest.mark.long
+def test_bristles_bring_a_small_motion_to_rest_in_c():
+    """Errors relative to a creep of 0.4 mrad are near rounding, which shorter steps would not reduce.
+
+    At rest the bristles hold the weight, by virtual work: k sum of z_i dq_i = -dV.
+    """
+    names = ("crank", "crank2", "A")
+    rows = tuple(
+        ms.Friction(name, coulomb=1e-3, bristle_stiffness=1.0, bristle_damping=1e-3) for name in names
+    )
+    model = dynamic_model(ms.load("warp_knitter"), ms.Forces(gravity=(0.0, -9.81, 0.0), friction=rows))
+    run = ms.dynamics.run(model, duration=0.3, samples=900)
+    assert (run.outcome, run.executed) == ("done", "C")
+    assert run.energy_error <= 1e-10
+    values = [run.motion.joints[name].value for name in names]
+    along = (values[0] - values[0][-1]) / np.ptp(values[0])
+
+    def derivative(course):
+        return np.polyfit(along, course - course[-1], 3)[-2]
+
+    carried = sum(z[-1] * derivative(value) for z, value in zip(run.activation, values, strict=True))
+    assert abs(carried + derivative(run.potential)) <= 1e-5 * abs(carried)

@@ -2,15 +2,19 @@
 
 import itertools
 import tomllib
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from model_files import model_text
+from model_files import changed_model, load_model, model_text
 from scipy.optimize import minimize
 
 import mechsim as ms
 from mechsim.kinematics.solvers import KinematicSolver
+from mechsim.kinetics import dynamic_model
 from mechsim.mechanism.forces import Forces
+from mechsim.simulation.dynamics.forward_run import stepped_run
+from mechsim.studies.dynamics_check import crosscheck_equilibrium
 
 CHAINS = tomllib.loads(model_text("joint_stops_chains.toml"))["chain"]
 WEIGHT = Forces(gravity=(0.0, -9.81, 0.0))
@@ -130,3 +134,43 @@ def test_a_stop_balances_no_block_that_is_pulled(tmp_path):
     free.write_text(block.format(0))
     (resting,) = ms.dynamics.equilibria(ms.load(str(free), still=True))
     assert resting.q["h"] == pytest.approx(np.deg2rad(20.0), abs=1e-12)
+
+
+def test_the_comparison_rejects_a_stop_with_another_force():
+    model = dynamic_model(load_model("stops_at_rest_arm.toml", ("LOWER", "-30"), ("UPPER", "80"), still=True))
+    (rest,) = ms.dynamics.equilibria(model)
+    wrong = {name: 1.01 * force for name, force in rest.stops.items()}
+    assert wrong
+    assert not crosscheck_equilibrium(replace(rest, stops=wrong), model).passed
+
+
+@pytest.mark.long
+def test_mujoco_converges_for_a_pendulum_between_two_stops():
+    solver = load_model(
+        "soft_stops_pendulum.toml",
+        ('"-30 deg"', '"-80 deg"'),
+        ('"1 rad/s"', '"4 rad/s"'),
+        limits='{ lower = "-100 deg", upper = "-60 deg", stiffness = 40, damping = "0.3 N m s/rad" }',
+        still=True,
+    )
+    run = ms.dynamics.run(solver, duration="0.3s", samples=30)
+    model = dynamic_model(solver)
+
+    def error(substeps):
+        stepped = stepped_run(
+            model.mechanism, model.forces, {"hip": np.radians(-80.0)}, {"hip": 4.0}, run.time, substeps
+        )
+        return np.abs(stepped.motion.joints["hip"].value - run.motion.joints["hip"].value).max()
+
+    # first order: MuJoCo's steps do not end at the contacts
+    coarse, fine = error(10), error(80)
+    assert fine < 0.4 * coarse
+    assert fine < 1e-4
+
+
+def test_states_are_drawn_between_soft_stops():
+    """`sample` and `show` know limits of a TOML file, hard or soft."""
+    for law in ("restitution = 0.5", "stiffness = 20"):
+        crank = ms.sample(changed_model("soft_stops_four_bar.toml", law=law), 50).qpos[:, 0]
+        assert np.radians(-10.0) <= crank.min() < 0.0
+        assert 1.0 < crank.max() <= np.radians(100.0)

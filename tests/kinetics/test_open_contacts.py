@@ -2,10 +2,12 @@
 
 import numpy as np
 import pytest
-from model_files import model_text
+from model_files import load_model, model_text
 
 import mechsim as ms
 from mechsim.io.toml_writer import to_toml
+from mechsim.kinetics import dynamic_model
+from mechsim.simulation.dynamics.forward_run import stepped_run
 
 G = 9.81
 # a ball on a rope over a drum at rest
@@ -81,3 +83,16 @@ def test_each_contact_has_its_own_restitution(file):
     stated, own_one, none = (run.motion.joints["guide"].rate[-1] for run in runs)
     assert own_one == stated
     assert abs(none - stated) > 1e-3
+
+
+# law of cosines: arm 70 mm, centres 80 mm, base and roller 38 mm
+START = np.arccos((0.08**2 + 0.07**2 - 0.038**2) / (2 * 0.08 * 0.07))
+
+
+@pytest.mark.long
+def test_a_light_cam_does_not_make_its_contact_compliant_in_mujoco():
+    model = dynamic_model(load_model("swinging_cam.toml", moment=1e-9, still=True))
+    stepped = stepped_run(model.mechanism, model.forces, {}, {}, np.linspace(0.0, 1.0, 101), 10)
+    pivot = stepped.motion.joints["pivot"].value
+    # 1e-4 rad with the mobility of the cam, which does not move
+    assert np.abs(pivot + START).max() < 1e-7

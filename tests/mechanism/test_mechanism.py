@@ -1,14 +1,22 @@
+from dataclasses import replace
+from pathlib import Path
+
+import mechanisms
 import numpy as np
 import pytest
 from hypothesis import given
-from strategies import EPS, turns
+from model_files import stated_mechanism
+from strategies import EPS, offsets, turns
 
+import mechsim as ms
 from mechsim.errors import InputError
 from mechsim.kinematics.vector_method.vectors import rotation
-from mechsim.mechanism.joint_kinds import crossed_at_zero
+from mechsim.mechanism.joint_kinds import KINDS, coordinates, crossed_at_zero, displaced, kinds_that
 from mechsim.mechanism.joints import End, Joint, joint_coordinate
 from mechsim.mechanism.links import EX, EY, EZ, GROUND, IDENTITY, Link, Pose
 from mechsim.mechanism.mechanism import Mechanism
+from mechsim.mechanism.motion_plane import plane_normals
+from mechsim.mechanism.moved_links import moved_links
 
 
 def joint(kind, a=GROUND, b="arm", **more):
@@ -144,3 +152,84 @@ def test_a_guess_does_not_change_slides_with_references():
     for a, b in (((0.2, 0.3, 1.0), {"reference": EY}), (SLIDE.a.axis, {})):
         made = Joint("slide", "prismatic", SLIDE.a, End("arm", axis=a, **b))
         assert guessed(rotated, made).joints[0] == made
+
+
+CROSS_ANGLE = 1.1
+
+
+@pytest.mark.parametrize("kind", KINDS.values(), ids=KINDS)
+@given(offsets, offsets, turns, turns)
+def test_coordinates_are_the_inverse_of_displacements(kind, first, second, angle, other):
+    lengths, angles = iter((first, second, first)), iter((angle, other))
+    values = [next(lengths if unit == "m" else angles) for unit in kind.units]
+    shift, rotation = displaced(kind, values, CROSS_ANGLE)
+    result = coordinates(kind, shift, np.eye(3), rotation, CROSS_ANGLE)
+    assert result.shape == (len(kind.units),)
+    assert np.abs(result - values).max(initial=0.0) <= 16 * EPS * np.pi
+
+
+def test_matching_joint_kinds_are_listed_by_name():
+    assert kinds_that(lambda kind: kind.single).startswith("revolute or prismatic")
+    assert kinds_that(lambda kind: kind.mixed).startswith("cylindrical")
+    assert kinds_that(lambda kind: kind.dof > 6) == ""
+
+
+LOOPER = Path(__file__).parents[2] / "models" / "looper.xml"
+ANGLES = np.linspace(0.0, 6.0, 7)
+
+
+@pytest.fixture(scope="module")
+def solver():
+    return ms.load(str(LOOPER))
+
+
+def test_poses_of_virtual_bodies_follow_from_their_joints(solver):
+    unseen = [link.name for link in solver.mechanism.links if not link.is_body]
+    assert unseen == ["~slide.way"]
+    everything = solver.whole_motion(ANGLES)
+    for motion in (
+        solver.solve(ANGLES),
+        ms.simulate(solver, speed=1.0, turns=6.0 / (2 * np.pi), samples=6).motion,
+    ):
+        assert unseen[0] not in motion.links
+        placed = moved_links(solver.mechanism, motion)
+        for name, pose in placed.items():
+            expected = everything.links[name]
+            # rounding of a turn of six radians
+            assert np.abs(pose.position - expected.position).max() < 1e-13, name
+            assert np.abs(pose.rotation - expected.rotation).max() < 1e-12, name
+
+
+def test_a_motion_must_contain_every_body(solver):
+    motion = solver.solve(ANGLES)
+    motion.links.pop("crank")
+    with pytest.raises(ms.InputError, match="the motion has no pose of link 'crank'"):
+        moved_links(solver.mechanism, motion)
+
+
+def test_a_mechanism_is_planar_if_no_joint_leaves_the_plane():
+    planar = [ms.catalog.make(name).mechanism for name in ("four_bar", "slider_crank")]
+    planar.append(stated_mechanism("driven_mechanisms_boom.toml"))  # a cylinder drives it
+    assert all(plane_normals(item) for item in [*planar, mechanisms.geared_five_bar()])
+    spatial = [ms.catalog.make("rssr").mechanism, mechanisms.bennett(), mechanisms.rsup()]
+    assert not any(plane_normals(item) for item in spatial)
+
+
+@pytest.mark.parametrize("tilt", [1e-3, 1e-8])
+def test_a_four_bar_with_a_slightly_tilted_axis_is_not_planar(tilt):
+    mechanism = ms.catalog.make("four_bar").mechanism
+    tilted = [
+        replace(joint, b=replace(joint.b, axis=(tilt, 0.0, 1.0))) if joint.name == "rocker" else joint
+        for joint in mechanism.joints
+    ]
+    assert plane_normals(replace(mechanism, joints=tuple(tilted))) is None
+
+
+def test_plane_normals_are_expressed_in_the_frame_of_each_link():
+    normals = plane_normals(stated_mechanism("motion_plane_arm.toml"))
+    assert normals is not None
+    assert {link: tuple(np.round(normal, 12) + 0.0) for link, normal in normals.items()} == {
+        "arm": (0.0, 0.0, 1.0),
+        GROUND: (0.0, -1.0, 0.0),
+        "slider": (0.0, 1.0, 0.0),
+    }

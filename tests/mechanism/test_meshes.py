@@ -102,9 +102,3 @@ def test_polynomials_and_screws_have_no_tooth_forces():
     made = mechanism((hinge("pinion"), screw))
     assert meshes_of(made) == {}
     assert threads_of(made) == {"thread.turn-thread.way": screw}
-
-
-@pytest.mark.parametrize("angle", [-0.1, np.pi / 2, float("nan")])
-def test_an_invalid_pressure_angle_is_rejected(angle):
-    with pytest.raises(ms.InputError, match="pressure angle of coupling 'one-two'"):
-        pair(hinge("two", (0.03, 0.0, 0.0)), -0.5, angle)

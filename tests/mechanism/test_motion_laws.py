@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from driven_mechanisms import five_bar
 
 import mechsim as ms
 from mechsim.mechanism.motion_laws import CRANK
@@ -22,16 +21,6 @@ def test_path_parameters_and_times_are_consistent():
         (value, first * laws.rate, second * laws.rate**2), laws.state(times), strict=True
     ):
         np.testing.assert_allclose(result, expected, rtol=1e-13, atol=1e-14)
-
-
-def test_motion_laws_of_other_drivers_are_rejected():
-    mechanism = five_bar()
-    with pytest.raises(ms.InputError, match="left, right have no motion law; give each driver one"):
-        CRANK.require_drivers(mechanism)
-    laws = ms.load("five_bar", drive=LAWS, duration=1.0).motion_laws
-    laws.require_drivers(mechanism)
-    with pytest.raises(ms.InputError, match="there are motion laws of left, right; the drivers are crank"):
-        laws.require_drivers(ms.load("four_bar").mechanism)
 
 
 @pytest.mark.parametrize(("kind", "advised"), [("spherical", False), ("revolute", True)])

@@ -2,11 +2,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from model_files import stated_mechanism
+from model_files import FOLDER, stated_mechanism
 
 import mechsim as ms
 from mechsim.mechanism.links import GROUND, Inertia, combine
-from mechsim.mechanism.masses import RELATIVE_DIAMETER, STEEL, round_rod, with_inertia
+from mechsim.mechanism.masses import RELATIVE_DIAMETER, STEEL, masses_of, round_rod, summary, with_inertia
 
 
 def test_the_inertia_of_a_round_rod_is_that_of_a_solid_cylinder():
@@ -77,3 +77,16 @@ def test_combined_bodies_have_the_sum_of_moments(masses_and_centres):
     about = np.sum([body.about((0.3, -0.2, 0.7)) for body in bodies], axis=0)
     assert np.allclose(whole.about((0.3, -0.2, 0.7)), about, rtol=1e-12, atol=1e-12)
     assert whole.mass == pytest.approx(sum(mass for mass, _ in masses_and_centres), rel=1e-14)
+
+
+def test_a_massless_link_of_a_scene_is_listed_as_zero():
+    # a massless link next to one with mass
+    solver = ms.load(FOLDER / "masses_scene.xml", lock={"tip": 0.0})
+    assert {item.link: item.source for item in masses_of(solver.mechanism)} == {"arm": "given", "tip": "zero"}
+    assert summary(masses_of(solver.mechanism)) == "masses: arm given, 2 kg; tip zero in the file"
+
+
+def test_rods_of_another_material_are_listed_with_their_density():
+    mechanism = with_inertia(ms.catalog.make("four_bar").mechanism, 2700.0)
+    assert "2700 kg/m3 rods" in summary(masses_of(mechanism))
+    assert "steel" in summary(masses_of(with_inertia(ms.catalog.make("four_bar").mechanism)))

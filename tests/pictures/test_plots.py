@@ -2,7 +2,6 @@ import io
 import re
 import xml.etree.ElementTree as ET
 from dataclasses import replace
-from pathlib import Path
 
 import matplotlib
 import numpy as np
@@ -11,7 +10,6 @@ from grids import grid
 from scipy.integrate import solve_ivp
 
 import mechsim as ms
-from mechsim.errors import OutputError
 from mechsim.mechanism.belts import belts_of
 from mechsim.pictures.number_text import readable
 from mechsim.pictures.plots.figure import round_numbers
@@ -101,17 +99,6 @@ def test_nan_errors_leave_a_gap_in_the_curve():
     assert ms.plots.drawn(figure).startswith(b"<?xml")
     (line, _) = figure.axes[0].get_lines()
     assert np.isnan(line.get_ydata()).sum() == 31
-
-
-@pytest.mark.long
-def test_invalid_formats_are_rejected(motion, tmp_path):
-    with pytest.raises(ms.InputError, match="no plot format 'bmp'"):
-        ms.plots.drawn(ms.plots.motion_plot(motion), "bmp")
-    with pytest.raises(ms.InputError, match=r"not one of .svg, .png, .pdf"):
-        ms.plots.format_of("plot.jpg")
-    assert ms.plots.format_of(Path("plot.pdf")) == "pdf"
-    with pytest.raises(OutputError, match="no directory"):
-        ms.plots.write(tmp_path / "missing" / "plot.svg", ms.plots.motion_plot(motion))
 
 
 def test_forces_of_a_file_are_included_in_its_plots(monkeypatch):

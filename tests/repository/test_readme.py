@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from processes import python
 
 from mechsim.cli import main
 
@@ -66,3 +67,22 @@ def test_the_badges_are_those_of_workflows():
     named = re.findall(r"\.\./\.\./actions/workflows/([\w.]+?)(?:/badge\.svg)?\)", README)
     assert {*named} == {"tests.yml", "pages.yml"}
     assert all((ROOT / ".github/workflows" / name).is_file() for name in named)
+
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+# text at the end of each output
+EXPECTED_OUTPUT = {
+    "first_steps": "MuJoCo: passed with",
+    "own_mechanism": "DofCount(mobility=1, passive=0, redundant=0, rank=17)",
+    "own_model": "stepped, ",
+}
+
+
+@pytest.mark.parametrize("name", EXPECTED_OUTPUT)
+def test_the_example_runs_without_a_warning_and_passes(name: str, tmp_path: Path) -> None:
+    completed = python("-W", "error", EXAMPLES / f"{name}.py", folder=tmp_path)
+    assert completed.returncode == 0, completed.stderr
+    assert EXPECTED_OUTPUT[name] in completed.stdout
+    assert "failed" not in completed.stdout
+    # the working directory stays empty
+    assert not list(tmp_path.iterdir())

@@ -90,8 +90,3 @@ def test_the_check_passes_and_rejects_another_actuator(case):
 @pytest.mark.skipif("pid" not in CASES, reason="MuJoCo has pid from version 4 on")
 def test_a_file_with_two_controls_of_one_actuator_is_checked(file):
     assert ms.check(file(ARM.format('<pid name="u" joint="j2" kp="20" kv="1"/>'))) is not None
-
-
-def test_an_unknown_actuator_is_rejected():
-    with pytest.raises(ms.InputError, match="--ctrl names 'w'; actuators are u"):
-        with_controls(model_of("motor")[0].forces, {"w": "1"})

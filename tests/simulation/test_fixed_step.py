@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import mechsim as ms
-from mechsim.mechanism.motion_laws import tabled
 
 LAW = {"crank": "0.3*sin(2*pi*t)"}
 SPEED = ms.units.rpm(600)
@@ -47,10 +46,3 @@ def test_records_lie_on_whole_steps(swung):
     np.testing.assert_allclose(run.motion.time, np.linspace(0.0, 1.0, 101), atol=1e-12)
     with pytest.raises(ms.InputError, match=r"71 equal .* 500 steps of 0\.002 s; take 50 or 100 intervals"):
         ms.simulate(swung, timestep=0.002, samples=71)
-
-
-def test_a_step_too_long_for_a_swing_is_rejected_with_the_limit():
-    time = np.linspace(0.0, 0.05, 20)
-    profile = ms.simulation.CrankProfile(0.05, 6.0, tabled("crank", time, 1.0 + 0.1 * np.sin(60.0 * time)))
-    with pytest.raises(ms.InputError, match=r"lasts 0\.05 s and needs 48 steps at least; take 0\.00104 s"):
-        ms.simulate(ms.catalog.make("rssr"), profile=profile, timestep=0.002)

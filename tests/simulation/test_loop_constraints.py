@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 from equalities import KINDS, text_with
 
-from mechsim.errors import InputError
 from mechsim.simulation import loop_jacobian
 from mechsim.simulation.equality_rows import CouplingConstraint, Sum, chained
 from mechsim.simulation.model_loops import read_loops
@@ -70,11 +69,6 @@ def test_closure_acceleration_is_the_second_derivative_of_the_residual(kind):
     second = np.array([-9, 128, -1008, 8064, -14350, 8064, -1008, 128, -9]) / 5040.0 / step**2
     # eighth-order differences: rounding over the square of the step
     assert np.abs(second @ loops.residual(path) - result).max() < 1e-9
-
-
-def test_a_spatial_tendon_is_rejected_by_name():
-    with pytest.raises(InputError, match=r"tendon 'rope' runs through sites.*fixed tendon"):
-        read_loops(model_of('<tendon tendon1="rope" tendon2="one"/>')[0])
 
 
 @pytest.mark.parametrize(("coefficients", "bends"), [([0.3, -2.0, 0.5], True), ([0.3, -2.0, 0.0], False)])

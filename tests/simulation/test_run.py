@@ -1,6 +1,5 @@
 import tracemalloc
 
-import mechanisms
 import mujoco
 import numpy as np
 import pytest
@@ -32,17 +31,6 @@ def test_a_short_swing_is_sampled_over_its_whole_range(reach: float, method: str
 
 
 # poses
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("mechanism", mechanisms.everything(), ids=lambda m: m.name)
-def test_solved_poses_of_any_mechanism_satisfy_the_loop_equations(mechanism: ms.Mechanism) -> None:
-    exact = ms.loops.solve(mechanism, mechanism.start + np.linspace(0.0, REVOLUTION, 25), 10.0)
-    for item in (mechanism, mechanisms.swapped(mechanism)):
-        motion = simulate(item, speed=10.0, method="pose", samples=24).motion
-        assert largest_difference(motion, exact) < 1e-13  # rounding in lengths of a tenth of a metre
-        assert largest_difference(motion, exact, "velocity") < 1e-11
-        assert largest_difference(motion, exact, "acceleration") < 1e-9
 
 
 def test_a_thousand_turns_are_as_accurate_as_one() -> None:

@@ -1,11 +1,15 @@
 """Every study can be imported; those that need no other files run in a quick form, or as they are."""
 
+import ast
 import runpy
 import subprocess
 import sys
 from pathlib import Path
 
+import newest_python
 import pytest
+from mutants import EQUIVALENT
+from mutation import ROOT, TESTS
 
 FOLDER = Path(__file__).parents[2] / "validation"
 SCRIPTS = sorted(str(path.relative_to(FOLDER)) for path in FOLDER.rglob("*.py"))
@@ -64,3 +68,34 @@ def test_a_study_runs_in_its_quick_form(words, tmp_path):
     assert result.returncode in (0, 1), result.stderr
     assert "Traceback" not in result.stderr, result.stderr
     assert result.stdout.strip()
+
+
+def test_the_newest_working_interpreter_is_selected(tmp_path):
+    broken, old = tmp_path / "broken", tmp_path / "old"
+    broken.write_text("#!/bin/sh\nexit 1\n")
+    old.write_text("#!/bin/sh\necho 3.2.1\n")
+    for interpreter in (broken, old):
+        interpreter.chmod(0o755)
+    interpreters = [str(broken), "/nowhere/python3", sys.executable, str(old)]
+    assert newest_python.newest(interpreters) == sys.executable
+    assert newest_python.version(str(broken)) == ()
+    assert newest_python.version(str(old)) == (3, 2, 1)
+    assert sys.executable in newest_python.candidates()
+
+
+@pytest.mark.parametrize("file", TESTS)
+def test_a_core_file_and_its_tests_exist(file):
+    assert (ROOT / "mechsim" / file).is_file()
+    for name in TESTS[file]:
+        path, _, function = name.partition("::")
+        assert (ROOT / "tests" / path).exists(), path
+        assert not function or f"def {function}(" in (ROOT / "tests" / path).read_text(), name
+
+
+@pytest.mark.parametrize("file", sorted({file for file, _, _ in EQUIVALENT}))
+def test_lines_of_equivalent_mutants_exist(file):
+    lines = ast.unparse(ast.parse((ROOT / "mechsim" / file).read_text())).splitlines()
+    present = {line.strip() for line in lines}
+    changes = [(before, after) for name, before, after in EQUIVALENT if name == file]
+    assert {before for before, _ in changes} <= present
+    assert all(before != after for before, after in changes)

@@ -1,6 +1,5 @@
 """The suites of others: figures kept here are right, changed ones are not, and a clone is read from git."""
 
-import json
 import subprocess
 
 import numpy as np
@@ -86,20 +85,6 @@ def test_a_fault_must_lead_from_our_value_to_the_printed_one(exact, caused, outc
     assert printed_case("a", entry, {"x": 2.001}.__getitem__).outcome == outcome
 
 
-LINKAGE = {
-    "case_id": "slider",
-    "topology": {
-        "joints": [
-            {"id": "A", "links": ["ground", "AB"], "initial": [0, 0]},
-            {"id": "B", "links": ["AB", "BC"], "initial": [3, 0]},
-            {"id": "C", "links": ["BC", "ground"], "initial": [8, 0], "guide_axis": [1, 0]},
-        ],
-        "points": [],
-        "links": [{"id": "AB"}, {"id": "BC"}],
-    },
-    "mass_properties": {},
-    "input": {"joint": "A", "speed_rad_s": 2.0},
-}
 # at a right angle: C at x = 4, and its velocity is that of the crank pin, which is parallel to the guide
 ROWS = "sample_id,x,y,vx,vy,ax,ay\n0,8,0,0,0,{},0\n1,4,0,-6,0,{},0\n"
 
@@ -108,7 +93,7 @@ ROWS = "sample_id,x,y,vx,vy,ax,ay\n0,8,0,0,0,{},0\n1,4,0,-6,0,{},0\n"
 def test_a_clone_is_read_from_git(tmp_path, last, outcome):
     """Slider-crank, r 3, l 5, w 2: x'' = -w^2 (r + r^2/l) at 0, w^2 r^2/sqrt(l^2 - r^2) at 90 deg."""
     files = {
-        "case.json": json.dumps(LINKAGE),
+        "case.json": model_text("suites_slider_crank.json"),
         "matlab/samples.csv": "sample_id,input_angle_rad,input_direction\n0,0.5,1\n1,2.0707963267948966,1\n",
         "matlab/joints/C.csv": ROWS.format(-4 * (3 + 9 / 5), last),
         # of the rod -r w/l at 0 and w^2 r/sqrt(l^2 - r^2) at 90 deg

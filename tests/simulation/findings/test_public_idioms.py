@@ -54,3 +54,13 @@ def test_catalogue_models_have_only_redundant_constraint_findings(name):
     assert len(result) == len(repeats)
     planar = [("loops", 1)]
     assert repeats == {"bennett": [("B, B+", 4)], "four_bar": planar, "slider_crank": planar}.get(name, [])
+
+
+def test_a_finding_names_the_included_file_and_the_line_in_it(tmp_path):
+    (tmp_path / "parts").mkdir()
+    for name in ("main.xml", "parts/arm.xml", "rocker.xml", "loops.xml"):
+        (tmp_path / name).write_text(model_text(f"included_files_{Path(name).name}"))
+    result = {item.kind: item for item in findings(read_model(str(tmp_path / "main.xml")))}
+    assert (result["gap"].file, result["gap"].line) == ("loops.xml", 4)
+    assert (result["limit"].file, result["limit"].line) == ("rocker.xml", 3)
+    assert result["limit"].one_line.startswith("rocker.xml, line 3: joint C starts")
