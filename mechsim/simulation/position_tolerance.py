@@ -4,14 +4,13 @@ Steps are counted per revolution, or over the whole of a shorter motion. Measure
 validation/choices/tolerance_study.py.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mechsim.errors import BudgetError
-from mechsim.numerics.arrays import REVOLUTION, TINY
-from mechsim.numerics.convergence import plausible_order, refine
+from mechsim.numerics.arrays import REVOLUTION
+from mechsim.numerics.convergence import refine
 from mechsim.simulation.configurations import lag_distance
 from mechsim.simulation.driven_run import DrivenRun
 from mechsim.simulation.result import Run
@@ -76,40 +75,15 @@ MIN_COMPLIANCE, MAX_COMPLIANCE = 1e-16, 1.0
 MIN_FACTOR = 100.0
 
 
-def improving_compliance(
-    error: Callable[[float], float], compliance: float, initial_error: float, tolerance: float
-) -> tuple[float, float] | None:
-    """Return a compliance with a much smaller error, and that error; None without such a compliance.
-
-    Args:
-        error: compliance -> largest error of a run with it, in [m].
-        compliance: the current compliance.
-        initial_error: error with it, in [m].
-        tolerance: the requested tolerance, in [m].
-    """
-    factor = max(MIN_FACTOR, initial_error / (TARGET_FRACTION * tolerance))
-    tried = {compliance}
-    for value in (compliance / factor, compliance * factor, compliance * MIN_FACTOR):
-        candidate = min(max(value, MIN_COMPLIANCE), MAX_COMPLIANCE)
-        if candidate in tried:
-            continue
-        tried.add(candidate)
-        remaining = error(candidate)
-        if remaining <= tolerance or remaining < MIN_GAIN * initial_error:
-            return candidate, remaining
-    return None
+def other_compliances(used: float, error: float, tolerance: float) -> list[float]:
+    """Return other compliances for an error in [m]: in proportion to it, inversely, and a little softer."""
+    factor = max(MIN_FACTOR, error / (TARGET_FRACTION * tolerance))
+    tried = np.clip((used / factor, used * factor, used * MIN_FACTOR), MIN_COMPLIANCE, MAX_COMPLIANCE)
+    return [compliance for compliance in dict.fromkeys(tried.tolist()) if compliance != used]
 
 
-# steps per cycle of the first trial, and the minimum of any run
+# steps per cycle of the trial, and the minimum of any run
 TRIAL_STEPS, MIN_STEPS = 100, 24
-# fraction of the revolutions in a trial with fewer steps than the first, and limits of their number
-TRIAL_FRACTION, TRIAL_TURNS = 0.2, (2.0, 20.0)
-# ratio of the errors of successive revolutions above which errors grow instead of levelling off;
-# in the study's trials of two revolutions: levelling off up to 2.7, growing from 4.4
-MAX_GROWTH = 3.5
-# fraction of the first trial's steps from which all mechanisms of the study converge; and the fraction above
-# which a second estimate saves less than a failed run would cost
-CONVERGED_FRACTION, WORTHWHILE_FRACTION = 0.75, 0.6
 # steps of a whole motion up to which the maximum per revolution may be exceeded: a linkage that passes a
 # nearly singular pose 450 times as fast as its crank requires a million (verdicts.py --case 235)
 MAX_STEPS_OF_MOTION = 2_000_000
@@ -147,24 +121,19 @@ def _lag_note(driven: DrivenRun, run: Run) -> str:
 
 def _with_other_compliance(driven: DrivenRun, settings: Settings, run: Run) -> Run:
     """Return a run with a compliance that satisfies the tolerance; if the user set one, only suggest it."""
-    steps = round(run.steps * driven.cycle / driven.profile.turns)
-    tolerance, attempts = run.tolerance, list[Run]()
-
-    def error(compliance: float) -> float:
-        tried = replace(_with_steps(driven, settings, steps), compliance=compliance)
-        attempts.append(driven.stepped(tried, tolerance))
-        return attempts[-1].estimate
-
-    used = settings.compliance_used
-    if (improvement := improving_compliance(error, used, run.estimate, tolerance)) is None:
+    steps, used = round(run.steps * driven.cycle / driven.profile.turns), settings.compliance_used
+    for compliance in other_compliances(used, run.estimate, run.tolerance):
+        other = replace(settings, compliance=compliance)
+        better = driven.stepped(_with_steps(driven, other, steps), run.tolerance)
+        if better.estimate <= max(run.tolerance, MIN_GAIN * run.estimate):
+            break
+    else:
         return run
-    compliance, remaining = improvement
     if settings.compliance is not None:
-        more = f"and by compliance {compliance:.2g} {remaining:.2g} m"
+        more = f"and by compliance {compliance:.2g} {better.estimate:.2g} m"
         return replace(run, shortfall=f"{run.shortfall}, {more}")
-    better = attempts[-1]
     if better.outcome != "passed":
-        better = _run_to_tolerance(driven, replace(settings, compliance=compliance), tolerance, steps)
+        better = _run_to_tolerance(driven, other, run.tolerance, steps)
     error_text = f"{used:.2g} leaves a position error of {run.estimate:.2g} m"
     return replace(better, note=_joined(better.note, f"loops have compliance {compliance:.2g}: {error_text}"))
 
@@ -186,60 +155,34 @@ def _run_to_tolerance(driven: DrivenRun, settings: Settings, tolerance: float, f
 
 
 def steps_needed(driven: DrivenRun, settings: Settings, tolerance: float) -> tuple[Settings, int]:
-    """Return settings and the steps per cycle that a tolerance requires."""
-    short, trial = driven.over_first_turns(1.0), _trial_steps(driven)
-    error = float(short.errors_by_turn(_with_steps(driven, settings, trial)).max())
-    if not np.isfinite(error):
-        return _after_diverging(driven, short, settings, tolerance)
-    steps = _whole_steps(driven, steps_for(trial, error, TARGET_FRACTION * tolerance))
-    turns = np.round(float(np.clip(TRIAL_FRACTION * driven.profile.turns, *TRIAL_TURNS)))
-    trial_run = driven.over_first_turns(turns)
-    if steps >= CONVERGED_FRACTION * trial or trial_run.profile.turns > 0.5 * driven.profile.turns:
-        return settings, steps
-    # trials with so few steps do not show convergence or bounded errors
-    previous, last = trial_run.errors_by_turn(_with_steps(driven, settings, steps))[-2:]
-    if not last <= MAX_GROWTH * previous:
-        return settings, trial
-    # assume that an error with growth over the last revolution continues to grow
-    predicted_error = last * max(1.0, last / max(previous, TINY)) ** 2
-    if predicted_error > tolerance:
-        order = plausible_order(last, error, trial / steps)
-        steps = _whole_steps(driven, steps_for(steps, predicted_error, tolerance, order))
-        steps = steps if steps <= WORTHWHILE_FRACTION * trial else trial
-    return settings, steps
+    """Return settings and the steps per cycle that a tolerance requires, by a trial of the first turn.
 
-
-def _after_diverging(
-    driven: DrivenRun, short: DrivenRun, settings: Settings, tolerance: float
-) -> tuple[Settings, int]:
-    """Return settings and the steps per cycle from trials after divergence of the first one.
-
-    For a custom model the file's own time step is one of the trials. If all diverge, the last is softer: of a
-    rod with a small inertia about its line, the rounding of stiff constraints turns it ever faster.
+    Others follow one that diverges. For a custom model the file's own time step is one of them. If all
+    diverge, the last is softer: of a rod with a small inertia about its line, the rounding of stiff
+    constraints turns it ever faster.
     """
+    short, first = driven.over_first_turns(1.0), _trial_steps(driven)
     finer = {settings.steps_per_turn}
     if driven.closed.custom:
         cycle = driven.cycle * REVOLUTION / driven.profile.max_speed
         finer.add(round(min(cycle / float(driven.closed.model.opt.timestep), MAX_STEPS)))
-    trials = [(settings, steps) for steps in sorted(finer) if steps > _trial_steps(driven)]
+    trials = [(settings, first), *((settings, steps) for steps in sorted(finer) if steps > first)]
     if settings.compliance is None:
         softer = replace(settings, compliance=MIN_FACTOR * settings.compliance_used)
         trials.append((softer, settings.steps_per_turn))
     for tried, trial in trials:
         error = float(short.errors_by_turn(_with_steps(driven, tried, trial)).max())
         if np.isfinite(error):
-            steps = _whole_steps(driven, steps_for(trial, error, TARGET_FRACTION * tolerance))
-            return tried, max(trial, steps)
+            steps = rounded(steps_for(trial, error, TARGET_FRACTION * tolerance))
+            # after a divergence fewer steps than the trial's may diverge, too
+            least = MIN_STEPS if trial == first else trial
+            return tried, max(least, driven.min_steps, steps)
     return settings, settings.steps_per_turn
 
 
 def _trial_steps(driven: DrivenRun) -> int:
-    """Return the steps per cycle of the first trial."""
+    """Return the steps per cycle of the trial."""
     return max(TRIAL_STEPS, driven.min_steps)
-
-
-def _whole_steps(driven: DrivenRun, steps: float) -> int:
-    return max(MIN_STEPS, driven.min_steps, rounded(steps))
 
 
 def _with_steps(driven: DrivenRun, settings: Settings, steps: int) -> Settings:
