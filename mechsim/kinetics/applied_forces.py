@@ -197,9 +197,7 @@ def applied(model: DynamicModel, unit: UnitMotion) -> Applied:
         energy = energy + 0.5 * spring.stiffness * stretch**2
     for spring in forces.joint_springs:
         joint = unit.mechanism.joint(spring.joint)
-        stretch = _joint_values(unit, joint)[..., 0] - spring.rest
-        if KINDS[joint.kind].hinge:
-            stretch = wrapped(stretch)
+        stretch = _coordinate(unit, joint, 0, spring.rest) - spring.rest
         add_joint_forces(unit, springs, joint, [-spring.stiffness * stretch])
         energy = energy + 0.5 * spring.stiffness * stretch**2
     for bushing in forces.bushings:
@@ -282,16 +280,18 @@ def length_and_rate(unit: UnitMotion, spring: NonlinearSpring) -> tuple[Array, A
     if not isinstance(spring.ends, str):
         return distance_and_rate(unit, spring.ends)
     joint, k = unit.mechanism.joint_with(spring.ends)
+    return _coordinate(unit, joint, k, spring.law.reference), joint_rates(unit, joint)[k]
+
+
+def _coordinate(unit: UnitMotion, joint: Joint, k: int, rest: float) -> Array:
+    """Return a joint's coordinate in [m] or [rad]; an angle that is not counted is the one next to rest."""
     value: Any = _joint_values(unit, joint)[..., k]
-    continuous = unit.coordinates.get(spring.ends)
+    continuous = unit.coordinates.get(joint.coordinates[k])
     if continuous is not None:
         # dimensions may have complex steps that continuous values lack
         stepped = np.iscomplexobj(value) and np.isrealobj(continuous)
-        value = continuous + 1j * np.imag(value) if stepped else continuous
-    elif KINDS[joint.kind].units[k] == "rad":
-        # of the angles that differ by revolutions, the one next to the stop
-        value = spring.law.reference + wrapped(value - spring.law.reference)
-    return value, joint_rates(unit, joint)[k]
+        return continuous + 1j * np.imag(value) if stepped else continuous
+    return rest + wrapped(value - rest) if KINDS[joint.kind].units[k] == "rad" else value
 
 
 def _joint_values(unit: UnitMotion, joint: Joint) -> Array:

@@ -440,9 +440,8 @@ def _resistances(equations: EquationsOfMotion) -> np.ndarray[Any, Any]:
         joint = mechanism.joint(spring.joint)
         hinge = KINDS[joint.kind].hinge
         row = {"motion": ROTATION if hinge else SLIDE, "column": 2, "friction": -1, "hinge": hinge}
-        rows.append(
-            {**_sides_of(equations, joint), **row, "stiffness": spring.stiffness, "rest": spring.rest}
-        )
+        row |= {"coordinate": equations.sprung.get(spring.joint, -1), "stiffness": spring.stiffness}
+        rows.append({**_sides_of(equations, joint), **row, "rest": spring.rest})
     return _filled("Resistance", rows)
 
 

@@ -238,7 +238,7 @@ class EquationsOfMotion:
 
     @cached_property
     def sprung(self) -> dict[str, int]:
-        """Index in the tree of each coordinate along which nonlinear springs act."""
+        """Index in the tree of each coordinate along which springs act."""
         index_of = self.loops.tree.index_of
         return {name: index_of[name] for name in self.model.forces.sprung if name in index_of}
 

@@ -42,6 +42,8 @@ RANDOM_CONFIGURATIONS = 10
 STOP_SETS = 60
 # length of one of these random steps, in [rad] or characteristic lengths
 RANDOM_STEP = 0.7
+# change of the sides of a coupling, relative to its unit, below which revolutions do not change it
+SAME_SIDE = 1e-6
 # rate of a driver that gives an impending motion its direction, in [rad/s] or [m/s]: its square is rounding
 IMPENDING = 1e-10
 
@@ -51,7 +53,8 @@ class Equilibrium:
     """A configuration at rest under the loads.
 
     Attributes:
-        q: joint coordinate -> value in [m] or [rad]; angles within (-pi, pi].
+        q: joint coordinate -> value in [m] or [rad]; angles within (-pi, pi], unless springs, racks or ropes
+            count their revolutions.
         stable: whether small motions about it do not grow; None if rounding does not let it be decided.
         potential: potential energy of gravity and springs, in [J].
         modes: modes of small motions about it; none at a singular configuration.
@@ -490,12 +493,15 @@ def _described(equations: EquationsOfMotion, state: RestingState, everywhere: bo
 
 
 def _coordinates(equations: EquationsOfMotion, q: Coordinates) -> dict[str, float]:
-    """Return joint coordinates in [m] and [rad], angles within (-pi, pi]."""
-    tree = equations.loops.tree
-    return {
-        name: float(q.values[i, 0] if tree.slides[i] else wrapped(q.values[i, 0]))
-        for name, i in tree.index_of.items()
-    }
+    """Return joint coordinates in [m] and [rad], angles within (-pi, pi] unless revolutions count."""
+    tree, counted = equations.loops.tree, [*equations.sprung.values()]
+    values = np.where(tree.slides[:, None], q.values, wrapped(q.values))
+    for row in equations.loops.couplings:
+        change = row.evaluate(values)[0] - row.evaluate(q.values)[0]
+        if not row.has_revolutions and np.abs(change).max() > SAME_SIDE:
+            counted += row.columns.tolist()
+    values[counted] = q.values[counted]
+    return {name: float(values[i, 0]) for name, i in tree.index_of.items()}
 
 
 def _random_configuration(

@@ -65,7 +65,7 @@ class Spring:
 class JointSpring:
     """A spring in a revolute or prismatic joint: -k (q - q0) on link b along the joint's axis.
 
-    In a revolute joint q - q0 is wrapped to (-pi, pi].
+    The coordinate q counts revolutions.
 
     Attributes:
         joint: name of the joint.
@@ -185,7 +185,7 @@ class Forces:
                     f"give it in a {kinds_that(lambda kind: kind.single)} joint"
                 )
         self._check_ends(mechanism)
-        used = {item.joint for item in (*self.friction, *self.joint_springs)}
+        used = {item.joint for item in self.friction}
         for clearance in self.clearances:
             clearance.check(mechanism, {*used, *self.controlled, *self.sprung})
         for controller in (*self.controllers, *self.actuators):
@@ -263,8 +263,9 @@ class Forces:
 
     @property
     def sprung(self) -> list[str]:
-        """Coordinates along which nonlinear springs act."""
-        return [spring.ends for spring in self.nonlinear_springs if isinstance(spring.ends, str)]
+        """Coordinates along which springs act."""
+        nonlinear = [spring.ends for spring in self.nonlinear_springs if isinstance(spring.ends, str)]
+        return [*nonlinear, *(spring.joint for spring in self.joint_springs)]
 
 
 def forces_of(source: object, forces: Forces | None = None) -> Forces:

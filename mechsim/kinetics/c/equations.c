@@ -71,10 +71,11 @@ typedef struct {
 /* spring, viscous and Coulomb friction along one coordinate of a joint in tree or loop; at rest Coulomb friction
    is `at_rest` times as large, and it falls with the rate as Stribeck's curve if `stribeck` is above zero. If
    `loaded`, the magnitudes of force and moment across and along the axis, times `load`, are added to `coulomb`;
-   the joint is that of branch `branch`, or of cut `cut` if that is -1 */
+   the joint is that of branch `branch`, or of cut `cut` if that is -1. A spring acts on a coordinate of the tree,
+   which counts revolutions, if `coordinate` is 0 or more */
 typedef struct {
     Side a, b;
-    int motion, column, friction, hinge, loaded, branch, cut;
+    int motion, column, friction, hinge, coordinate, loaded, branch, cut;
     double stiffness, rest, viscous, coulomb, at_rest, stribeck, load[4];
 } Resistance;
 enum { SLIDE, TURN, BALL, FIRST_AXIS, SECOND_AXIS };
@@ -656,7 +657,8 @@ static void add_resistance(const Resistance *r, const double *sliding, Work *w) 
     double wrench[6], rate, direction = r->friction < 0 ? 0.0 : sliding[r->friction];
     double value = along_resistance(r, w, &rate, wrench);
     double stretch = r->stiffness != 0.0 ? value - r->rest : 0.0;
-    if (r->hinge) stretch -= REVOLUTION * rint(stretch / (REVOLUTION));
+    if (r->stiffness != 0.0 && r->coordinate >= 0) stretch = w->q[r->coordinate] - r->rest;
+    else if (r->hinge) stretch -= REVOLUTION * rint(stretch / (REVOLUTION));
     double lost = r->viscous * rate + r->coulomb * slowness(rate, r->at_rest, r->stribeck) * direction;
     w->potential += 0.5 * r->stiffness * stretch * stretch;
     w->power_lost += lost * rate;

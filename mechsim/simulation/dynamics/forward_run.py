@@ -270,7 +270,7 @@ def free_model(mechanism: Mechanism, forces: Forces, kept: set[str]) -> LoadedMo
         qpos=compiled_model.qpos0.copy(),
         mechanism=described,
         forces=forces,
-        actuators=actuator_slices(described, forces, compiled_model.nu),
+        actuators=actuator_slices(forces, compiled_model),
         dry=dry_frictions(compiled_model, placed.friction),
     )
 

@@ -179,7 +179,7 @@ def force_record(
     everything = together(state.outer, placed, loops, coupled, drive_forces)
     fields = loaded.look(loaded.looking(native=False), state.states, everything)
     lost, outer, motor = powers(loaded, state)
-    # twice the energy of springs in revolute joints, which MuJoCo's energy omits
+    # twice the energy of springs in cut joints, which MuJoCo's energy omits
     angular = np.where(loaded.model.actuator_trntype == SITE, -loaded.model.actuator_biasprm[:, 1], 0.0)
     wound = (angular * state.plain["actuator_length"] ** 2).sum(1)
     rates = state.states.qvel

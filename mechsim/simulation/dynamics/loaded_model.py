@@ -297,6 +297,6 @@ def loaded_model(
         qpos=closed.qpos,
         mechanism=described,
         forces=forces,
-        actuators=actuator_slices(described, forces, closed.model.nu),
+        actuators=actuator_slices(forces, closed.model),
         dry=dry_frictions(closed.model, forces.friction),
     )

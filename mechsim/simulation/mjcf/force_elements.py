@@ -1,8 +1,8 @@
 """Forces of a MuJoCo model: springs, dampers, friction, loads, drive inertia, motor.
 
 Springs between points are tendons. Forces in a tree joint along its own coordinate belong to the joint. A
-force in a cut joint, or one that depends on an angle between -pi and pi, is an actuator between two sites
-without a control: its value is an affine function of length and speed.
+force in a cut joint is an actuator between two sites without a control: its value is an affine function of
+length and speed, the length an angle between -pi and pi.
 """
 
 from collections.abc import Mapping, Sequence
@@ -27,6 +27,8 @@ from mechsim.simulation.state import quaternion
 
 Bodies = Mapping[str, mujoco.MjsBody]
 AXES = "xyz"
+# first part of the name of an actuator that is a spring
+SPRING = "spring in "
 BUSHING_AXES = ("x", "y", "z", "rx", "ry", "rz")
 
 
@@ -112,9 +114,8 @@ class Actuators:
     actuators: slice
 
 
-def actuator_slices(mechanism: Mechanism, forces: Forces, count: int) -> Actuators:
+def actuator_slices(forces: Forces, model: mujoco.MjModel) -> Actuators:
     """Return the indices of actuators by purpose; a load or a couple has three."""
-    kinds = [KINDS[mechanism.joint(spring.joint).kind] for spring in forces.joint_springs]
     counts = (
         int(forces.motor is not None),
         int(forces.crank_torque is not None),
@@ -122,9 +123,9 @@ def actuator_slices(mechanism: Mechanism, forces: Forces, count: int) -> Actuato
         len(AXES) * len(forces.couples),
         len(forces.nonlinear_springs),
         2 * len(BUSHING_AXES) * len(forces.bushings),
-        sum(not kind.slides for kind in kinds),
+        sum(model.actuator(i).name.startswith(SPRING) for i in range(model.nu)),
     )
-    ends = [0, *accumulate(counts), count - len(forces.actuators), count]
+    ends = [0, *accumulate(counts), model.nu - len(forces.actuators), model.nu]
     return Actuators(*(slice(first, last) for first, last in pairwise(ends)))
 
 
@@ -239,13 +240,12 @@ def _depend_on_state(made: mujoco.MjsActuator, by_angle: float, by_rate: float) 
 
 def _add_joint_spring(builder: Builder, spring: JointSpring) -> None:
     joint = builder.mechanism.joint(spring.joint)
-    if KINDS[joint.kind].slides:
-        (model_joint,) = builder.model_joints(joint)
+    for model_joint in builder.model_joints(joint):
         model_joint.stiffness = _linear(spring.stiffness + float(model_joint.stiffness[0]))
         model_joint.springref = spring.rest
         return
-    # the frame contains the rest angle: the angle is relative to it and wraps opposite to it
-    _depend_on_state(_about(builder, f"spring in {joint.name}", joint, spring.rest), -spring.stiffness, 0.0)
+    # in a cut joint: the frame contains the rest angle, and the angle relative to it wraps opposite to it
+    _depend_on_state(_about(builder, SPRING + joint.name, joint, spring.rest), -spring.stiffness, 0.0)
 
 
 def _add_spring(builder: Builder, name: str, spring: Spring) -> None:

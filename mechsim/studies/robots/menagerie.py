@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.mechanism.forces import Forces, JointSpring
+from mechsim.mechanism.forces import Forces
 from mechsim.mechanism.limits import NO_RANGES, Ranges
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.simulation.closed_configurations import scalar_dof, straight_path
@@ -48,8 +48,6 @@ def with_servos(
         spec.joint(CRANK).armature = forces.flywheel
         rename_crank(spec, names[0])
     limit_joints(spec, ranges)
-    for spring in forces.joint_springs:
-        _use_joint_spring(spec, spring)
     model = spec.compile()
     path = straight_path(model, [scalar_dof(model, name) for name in names])
     matrices, weights = inertia_and_holding(path, path.reference[None])
@@ -67,11 +65,3 @@ def with_servos(
             servo.ctrllimited, servo.ctrlrange = 1, path.loops.model.jnt_range[joint]
     spec.add_key(name=HOME, qpos=path.reference, ctrl=path.reference[path.addresses])
     return spec
-
-
-def _use_joint_spring(spec: mujoco.MjSpec, spring: JointSpring) -> None:
-    """Replace the actuator of a spring, which would add a control, by the spring of its joint."""
-    joint, actuator = spec.joint(spring.joint), spec.actuator(f"spring in {spring.joint}")
-    if joint is not None and actuator is not None:
-        spec.delete(actuator)
-        joint.stiffness[0], joint.springref = spring.stiffness, spring.rest
