@@ -56,7 +56,28 @@ def path_instants(
     angles = None if angles is None else units.si_angles(angles, "the crank angles")
     speed = units.si(speed, "rad/s", "the crank's speed")
     if not motion_laws.crank:
-        return _under_laws(mechanism, motion_laws, angles, speed, acceleration, t)
+        drivers = ", ".join(motion_laws.drivers)
+        if angles is not None or t is None:
+            reason = "no times are given" if angles is None else "angles do not determine the time"
+            raise InputError(
+                f"{mechanism.name}: motion laws drive {drivers}, and {reason}; give times in s, as {EXAMPLE}"
+            )
+        if speed is not None or number(acceleration) != 0.0:
+            what = "speed" if speed is not None else "acceleration"
+            raise InputError(
+                f"{mechanism.name}: motion laws drive {drivers} and determine every rate; leave {what} out"
+            )
+        time = _finite_list(f"{mechanism.name}: times t", t, f" in s, as {EXAMPLE}")
+        for name, state in motion_laws.by_name.items():
+            # only a motion law from a table ends
+            end = getattr(state, "end_time", None)
+            outside = [] if end is None else time[(time < 0.0) | (time > end * (1.0 + 1e-12))]
+            if len(outside):
+                raise InputError(
+                    f"{mechanism.name}: t = {outside[0]:g} s is outside the table of {name}, 0 to {end:g} s; "
+                    "give times within it, or more rows"
+                )
+        return PathInstants(motion_laws.parameter(time), motion_laws.rate, 0.0, time)
     if t is None and angles is None:
         raise InputError(f"{mechanism.name}: no instants are given; give crank angles in rad, or times as t=")
     if t is None:
@@ -73,39 +94,6 @@ def path_instants(
             "rad/s and no acceleration, or give crank angles"
         )
     return PathInstants(mechanism.start + constant * time, constant, 0.0, time)
-
-
-def _under_laws(
-    mechanism: Mechanism,
-    motion_laws: MotionLaws,
-    angles: ArrayLike | None,
-    speed: ArrayLike | None,
-    acceleration: ArrayLike,
-    t: ArrayLike | None,
-) -> PathInstants:
-    """Return the instants at times of motion laws."""
-    drivers = ", ".join(motion_laws.drivers)
-    if angles is not None or t is None:
-        reason = "no times are given" if angles is None else "angles do not determine the time"
-        raise InputError(
-            f"{mechanism.name}: motion laws drive {drivers}, and {reason}; give times in s, as {EXAMPLE}"
-        )
-    if speed is not None or number(acceleration) != 0.0:
-        what = "speed" if speed is not None else "acceleration"
-        raise InputError(
-            f"{mechanism.name}: motion laws drive {drivers} and determine every rate; leave {what} out"
-        )
-    time = _finite_list(f"{mechanism.name}: times t", t, f" in s, as {EXAMPLE}")
-    for name, state in motion_laws.by_name.items():
-        # only a motion law from a table ends
-        end = getattr(state, "end_time", None)
-        outside = [] if end is None else time[(time < 0.0) | (time > end * (1.0 + 1e-12))]
-        if len(outside):
-            raise InputError(
-                f"{mechanism.name}: t = {outside[0]:g} s is outside the table of {name}, 0 to {end:g} s; "
-                "give times within it, or more rows"
-            )
-    return PathInstants(motion_laws.parameter(time), motion_laws.rate, 0.0, time)
 
 
 def _finite_list(what: str, values: ArrayLike, remedy: str) -> Array:

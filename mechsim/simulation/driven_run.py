@@ -279,7 +279,8 @@ class DrivenRun:
         loops = replace(self.closed.loops, model=copy.copy(self.closed.model))
         total, every = self._counts(settings)
         steps = step(loops, settings, self.profile, self.start, total, every, progress=self._report_progress)
-        return steps, evaluate(loops, self.closed.track, steps.states, "step", force=steps.force)
+        states = replace(steps.states, force=steps.force)
+        return steps, evaluate(loops, self.closed.track, states, "step")
 
     def _report_progress(self, progress: str, fraction: float) -> None:
         """Report the progress of a run; raise if the budget is spent."""
@@ -391,8 +392,8 @@ def solved_run(
             f"{loops.name}: the pose at {where} is singular, as where links lie flat on each other; its "
             "continuation is undetermined; keep a distance from it"
         )
-    states = States(time, away, loop_jacobian.tangent(loops, jacobian) * speed[:, None])
-    motion = evaluate(loops, track, states, "pose", crank_acceleration=acceleration, progress=progress)
+    states = States(time, away, loop_jacobian.tangent(loops, jacobian) * speed[:, None], acceleration)
+    motion = evaluate(loops, track, states, "pose", progress)
     motion = interpolated_motion(motion, loops, track, qpos, near_rows, (speed, acceleration))
     assert motion.closure is not None
     estimate = float(motion.closure.max(initial=0.0))

@@ -10,7 +10,7 @@ import numpy as np
 from mujoco import batch
 from numpy.typing import NDArray
 
-from mechsim.mechanism.motion import JointMotion, LinkMotion, Motion, PointMotion, Source, join
+from mechsim.mechanism.motion import JointMotion, LinkMotion, Motion, PointMotion, Source, join, mapped
 from mechsim.numerics.arrays import Array, cross
 from mechsim.numerics.resources import Progress, no_progress
 from mechsim.simulation import loop_jacobian
@@ -112,65 +112,58 @@ def add_sensors(spec: mujoco.MjSpec, points: tuple[str, ...]) -> Track:
 
 @dataclass(frozen=True, slots=True)
 class States:
-    """Recorded states: time (n,), qpos (n, nq), qvel (n, nv)."""
+    """Recorded states, and accelerations and forces there if they are known.
+
+    Attributes:
+        time: (n,) in [s].
+        qpos: (n, nq).
+        qvel: (n, nv).
+        crank_acceleration: (n,) in [rad/s2].
+        driver_acceleration: of the drivers, (n, drivers), if it differs from their motion laws.
+        force: generalised force on the crank, (n,) in [N m]; or on `actuated_dofs`, (n, k).
+    """
 
     time: Array
     qpos: Array
     qvel: Array
+    crank_acceleration: Array | None = None
+    driver_acceleration: Array | None = None
+    force: Array | None = None
 
     def chunk(self, first: int) -> "States":
         """Return the chunk of states from an index on."""
-        chunk = slice(first, first + CHUNK)
-        return States(self.time[chunk], self.qpos[chunk], self.qvel[chunk])
+        return mapped(lambda array: array[first : first + CHUNK], self)
 
 
 def evaluate(
-    loops: ModelLoops,
-    track: Track,
-    states: States,
-    source: Source,
-    *,
-    crank_acceleration: Array | None = None,
-    driver_acceleration: Array | None = None,
-    force: Array | None = None,
-    progress: Progress = no_progress,
+    loops: ModelLoops, track: Track, states: States, source: Source, progress: Progress = no_progress
 ) -> Motion:
     """Return the motion at recorded states.
+
+    With a known acceleration of the crank, all others are those that keep the loops closed exactly. Otherwise
+    they are the result of MuJoCo's dynamics at the state; with Coulomb friction, the crank's acceleration is
+    MuJoCo's, and all others keep the loops closed.
 
     Args:
         loops: of the model the states belong to.
         track: points, links and coordinates to record.
         states: n recorded states.
         source: the method that computed them.
-        crank_acceleration: (n,) in [rad/s2]: accelerations are then those that keep the loops closed
-            exactly. None reports the result of MuJoCo's dynamics at the state; with Coulomb friction, the
-            crank's acceleration is MuJoCo's, and all others keep the loops closed.
-        driver_acceleration: of the drivers, (n, drivers), if it differs from their motion laws.
-        force: generalised force on the crank at each state, (n,) in [N m]; or on `actuated_dofs`, (n, k).
         progress: callback with the progress as text and as a fraction.
     """
     n, chunks = len(states.time), list[Motion]()
-    inputs = crank_acceleration, driver_acceleration, force
     for i in range(0, n, CHUNK):
-        chunk = (None if values is None else values[i : i + CHUNK] for values in inputs)
-        chunks.append(_evaluated(loops, track, states.chunk(i), source, *chunk))
+        chunks.append(_evaluated(loops, track, states.chunk(i), source))
         progress(f"{min(i + CHUNK, n):,} of {n:,} poses", min(i + CHUNK, n) / n)
     return join(chunks)
 
 
-def _evaluated(
-    loops: ModelLoops,
-    track: Track,
-    states: States,
-    source: Source,
-    crank_acceleration: Array | None,
-    driver_acceleration: Array | None,
-    force: Array | None,
-) -> Motion:
+def _evaluated(loops: ModelLoops, track: Track, states: States, source: Source) -> Motion:
     # a given crank acceleration determines all others: MuJoCo's soft constraints need not be solved. Servos
     # against a drive, springs and dampers would accelerate light links so much that digits would be lost
     model = copy.copy(loops.model)
     model.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_SENSOR)
+    crank_acceleration, driver_acceleration = states.crank_acceleration, states.driver_acceleration
     if crank_acceleration is not None:
         model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT) | FORCE_FLAGS
     # the model has the Taylor polynomials of functions at one state only
@@ -180,8 +173,8 @@ def _evaluated(
     sims = batch.Batch(model, n, 1 if n <= ONE_THREAD else 0)
     sims.bind("qpos")[:] = states.qpos
     sims.bind("qvel")[:] = states.qvel
-    if force is not None:
-        sims.bind("qfrc_applied")[:, actuated_dofs(loops)] = force.reshape(n, -1)
+    if states.force is not None:
+        sims.bind("qfrc_applied")[:, actuated_dofs(loops)] = states.force.reshape(n, -1)
     names = ("xpos", "xmat", "site_xpos", "sensordata", "qacc")
     fields = {name: sims.bind(name) for name in names}
     sims.forward()

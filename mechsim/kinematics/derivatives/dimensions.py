@@ -167,39 +167,35 @@ def changes(
     """
     read_numbers = numbers or (lambda values: numbers_of(designs.describe(values)))
     length = designs.describe({}).characteristic_length
-    return {name: _change(designs, designs.dimensions[name], length, read_numbers) for name in names}
 
+    def change(dimension: Dimension) -> Array:
+        def at(value: float) -> Array:
+            return read_numbers({dimension.name: value})
 
-def _change(
-    designs: DesignFamily,
-    dimension: Dimension,
-    length: float,
-    read_numbers: Callable[[Mapping[str, float]], Array],
-) -> Array:
-    def numbers(value: float) -> Array:
-        return read_numbers({dimension.name: value})
-
-    current = numbers(dimension.value)
-    best, apart = current, np.inf
-    for step in _steps(dimension, length):
-        try:
-            perturbed = [
-                [numbers(dimension.value + direction * k * step) - current for k in range(1, 5)]
-                for direction in (1.0, -1.0)
-            ]
-            derivative, off = _derivative(np.array(perturbed), step)
-        except (MechsimError, ValueError):
-            continue
-        if off < apart:
-            best, apart = derivative, off
-        if apart <= CLOSE:
+        current = at(dimension.value)
+        best, apart = current, np.inf
+        for step in _steps(dimension, length):
+            try:
+                perturbed = [
+                    [at(dimension.value + direction * k * step) - current for k in range(1, 5)]
+                    for direction in (1.0, -1.0)
+                ]
+                derivative, off = _derivative(np.array(perturbed), step)
+            except (MechsimError, ValueError):
+                continue
+            if off < apart:
+                best, apart = derivative, off
+            if apart <= CLOSE:
+                return best
+        if apart <= ACCEPTED:
             return best
-    if apart <= ACCEPTED:
-        return best
-    raise InputError(
-        f"{designs.name}: the description has no derivative by {dimension.name} at {dimension.value:.6g}: "
-        "it has a kink or fails for a perturbed value; change the dimension a little"
-    )
+        raise InputError(
+            f"{designs.name}: the description has no derivative by {dimension.name} at "
+            f"{dimension.value:.6g}: it has a kink or fails for a perturbed value; change the dimension a "
+            "little"
+        )
+
+    return {name: change(designs.dimensions[name]) for name in names}
 
 
 def _derivative(perturbed: Array, step: float) -> tuple[Array, float]:

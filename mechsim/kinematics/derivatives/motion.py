@@ -110,9 +110,32 @@ class TracedMotion:
         step = STEP * max(
             ahead, float(np.abs(derivative).max()) * min(1.0, 1.0 / mechanism.characteristic_length)
         )
-        chunks = [
-            (chunk.index, _changed(self.path, chunk, mechanism, name, step, ahead)) for chunk in self.chunks
-        ]
+
+        def changed(chunk: ClosedChunk) -> LoopMotion:
+            """Return the motion of a chunk in complex numbers, with imaginary parts at most as in the input.
+
+            Driver positions are increased by `ahead` imaginary steps.
+            """
+            loops = with_mechanism(chunk.solver.loops, mechanism)
+            solver = replace(chunk.solver, loops=loops)
+            q = Coordinates(chunk.q.values.astype(complex), chunk.q.turns.astype(complex))
+            steps = dict.fromkeys(mechanism.drivers, STEP * ahead)
+            steps |= {locked: np.imag(value) for locked, value in mechanism.locked.items()}
+            for coordinate, change in steps.items():
+                q.values[loops.tree.index_of[coordinate]] += 1j * change
+            before = solver.linearise(q)
+            q = loops.displaced(q, solver.step(before.matrix, before.rhs))
+            linearised = solver.linearise(q)
+            torn = np.abs(linearised.residual.imag).max(initial=0.0)
+            residual_change = np.abs(before.residual.imag).max(initial=0.0)
+            if not torn <= INCONSISTENT * max(residual_change, step):
+                raise AssemblyError(
+                    f"{mechanism.name}: {name} alone makes redundant loop equations inconsistent (as a tilt "
+                    "out of the plane of a planar linkage does); change the related dimensions, too"
+                )
+            return with_rates(self.path, replace(chunk, solver=solver, q=q, linearised=linearised))
+
+        chunks = [(chunk.index, changed(chunk)) for chunk in self.chunks]
         return mechanism, self._record(merged(chunks), mechanism)
 
     def with_dimensions(
@@ -205,38 +228,6 @@ def followed_motion(
             "keep away from it"
         )
     return TracedMotion(solver, solver.mechanism, path, instants, chunks)
-
-
-def _changed(
-    path: LoopPath,
-    chunk: ClosedChunk,
-    mechanism: GivenMechanism,
-    name: str,
-    step: float,
-    ahead: float,
-) -> LoopMotion:
-    """Return the motion of some instants in complex numbers, with imaginary parts at most as in the input.
-
-    Driver positions are increased by `ahead` imaginary steps.
-    """
-    loops = with_mechanism(chunk.solver.loops, mechanism)
-    solver = replace(chunk.solver, loops=loops)
-    q = Coordinates(chunk.q.values.astype(complex), chunk.q.turns.astype(complex))
-    steps = dict.fromkeys(mechanism.drivers, STEP * ahead)
-    steps |= {locked: np.imag(value) for locked, value in mechanism.locked.items()}
-    for coordinate, change in steps.items():
-        q.values[loops.tree.index_of[coordinate]] += 1j * change
-    before = solver.linearise(q)
-    q = loops.displaced(q, solver.step(before.matrix, before.rhs))
-    linearised = solver.linearise(q)
-    torn = np.abs(linearised.residual.imag).max(initial=0.0)
-    residual_change = np.abs(before.residual.imag).max(initial=0.0)
-    if not torn <= INCONSISTENT * max(residual_change, step):
-        raise AssemblyError(
-            f"{mechanism.name}: {name} alone makes redundant loop equations inconsistent (as a tilt out of "
-            "the plane of a planar linkage does); change the related dimensions, too"
-        )
-    return with_rates(path, replace(chunk, solver=solver, q=q, linearised=linearised))
 
 
 def with_mechanism(loops: TreeLoops, mechanism: GivenMechanism) -> TreeLoops:

@@ -121,7 +121,8 @@ def _solved(loaded: LoadedModel, profile: CrankProfile, samples: int | None, pro
     begin = timer.perf_counter()
     posed = inverse_dynamics(loaded, time, angle, speed, acceleration, progress)
     seconds = timer.perf_counter() - begin
-    motion = evaluate(loaded.loops, loaded.track, posed.states, "pose", crank_acceleration=acceleration)
+    states = replace(posed.states, crank_acceleration=acceleration)
+    motion = evaluate(loaded.loops, loaded.track, states, "pose")
     motion = interpolated_motion(
         motion, loaded.loops, loaded.track, posed.qpos, posed.change_points, (speed, acceleration)
     )
@@ -162,14 +163,9 @@ def _stepped(
     states = steps.states
     record = forces_of_states(loaded, model, settings.compliance_used, states, steps.force)
     drivers = [*record.drive_accelerations.values()]
-    motion = evaluate(
-        loaded.loops,
-        loaded.track,
-        states,
-        "step",
-        crank_acceleration=record.acceleration,
-        driver_acceleration=np.stack(drivers, 1) if drivers else None,
-    )
+    known = {"driver_acceleration": np.stack(drivers, 1)} if drivers else {}
+    states = replace(states, crank_acceleration=record.acceleration, **known)
+    motion = evaluate(loaded.loops, loaded.track, states, "step")
     if steps.diverged:
         motion = replace(motion, broken=f"MuJoCo's state became invalid after {states.time[-1]:.6g} s")
     return Driven(

@@ -99,8 +99,9 @@ def interpolated_motion(
         tangent = loop_jacobian.tangent(loops, loops.linearise(change_point.states)[1])
         for speed, acceleration in np.unique(cranks[rows], axis=0):
             same = (cranks[rows] == [speed, acceleration]).all(1)
-            around = States(np.zeros(count), change_point.states, speed * tangent)
-            nodes = evaluate(loops, track, around, "pose", crank_acceleration=np.full(count, acceleration))
+            accelerations = np.full(count, acceleration)
+            around = States(np.zeros(count), change_point.states, speed * tangent, accelerations)
+            nodes = evaluate(loops, track, around, "pose")
             interpolated = weighted_sums(nodes, change_point.weights(reduced[same]))
             motion = replace_instants(motion, rows[same], interpolated)
         # a regular pose is added, because singular values that are zero at all states do not count

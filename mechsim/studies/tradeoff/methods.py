@@ -135,8 +135,8 @@ class BuiltModel:
         loops, steps = self.stepped(settings)
         if steps.diverged:
             return None, steps.processor
-        motion = evaluate(loops, self.closed.track, steps.states, "step", force=steps.force)
-        return motion, steps.processor
+        states = replace(steps.states, force=steps.force)
+        return evaluate(loops, self.closed.track, states, "step"), steps.processor
 
 
 def build_model(solver: KinematicSolver, profile: CrankProfile) -> BuiltModel:
