@@ -137,13 +137,15 @@ def parameter_profile(motion_laws: MotionLaws) -> CrankProfile:
 
 
 def at_initial_state(closed: Closed, motion_laws: MotionLaws) -> Closed:
-    """Return a model under motion laws, in their initial state.
+    """Return a model under motion laws, in their initial state; a model with a crank remains.
 
     All drivers move to this state together along a straight path in joint space, in the same assembly.
 
     Raises:
         AssemblyError: if the loops do not close on that path.
     """
+    if motion_laws.crank:
+        return closed
     loops, drivers = closed.loops, closed.loops.drivers
     target = np.array([motion_laws.first[name] for name in drivers.names])
     start = move_drivers(loops, closed.qpos, target, "the start of the motion laws")

@@ -14,7 +14,6 @@ from mechsim.mechanism.motion_laws import CRANK, CrankProfile, MotionLaws, const
 from mechsim.mechanism.scene import Scene
 from mechsim.numerics.arrays import REVOLUTION, number, require, units_remedy
 from mechsim.numerics.resources import ProcessorBudget, Progress, no_progress
-from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.custom_model import at_initial_state, parameter_profile
 from mechsim.simulation.driven_run import DrivenRun, check_records, first_state, solved_run
 from mechsim.simulation.mjcf.compiling import quiet
@@ -155,15 +154,13 @@ def simulate(
     for name, option in options.items():
         if option is not None:
             require(name, option, KINDS[name])
-    crank_motion = speed if profile is None else profile
-    motion_laws = laws_of(source, motion_laws, crank_motion)
-    require_motion_laws(source, motion_laws, crank_motion)
+    motion_laws = laws_of(source, motion_laws, speed if profile is None else profile)
     if profile is not None:
         source = starting_at(source, profile.angles)
     drivers = drive if motion_laws.crank else motion_laws.drivers
     scene = scene or Scene(level="pose" if method == "pose" else "motion")
     closed = from_source(source, scene, drivers=drivers, lock=lock, key=key)
-    profile = profile or _profile(closed, motion_laws, speed, turns)
+    profile = profile or requested_profile(motion_laws, speed, turns, closed.angle)
     samples = None if samples is None else int(samples)
     check_records(closed, profile, samples)
     if method is None and (tolerance is not None or settings is not None or timestep is not None):
@@ -176,7 +173,7 @@ def simulate(
         require_determined(closed, mobility)
     else:
         closed = closed.without_contacts(mobility.determined_bodies)
-    closed = closed if motion_laws.crank else at_initial_state(closed, motion_laws)
+    closed = at_initial_state(closed, motion_laws)
     if method == "pose":
         return solved_run(closed, profile, samples, tolerance, progress or no_progress)
     require_steps_resolve(motion_laws)
@@ -192,13 +189,15 @@ def simulate(
     return run.stepped(settings) if tolerance is None else run_within(run, settings, tolerance)
 
 
-def _profile(closed: ClosedModel, motion_laws: MotionLaws, speed: float | None, turns: float) -> CrankProfile:
+def requested_profile(
+    motion_laws: MotionLaws, speed: float | None, turns: float, start: float
+) -> CrankProfile:
     """Return the profile of the path parameter under motion laws, or of a crank at constant speed."""
     if not motion_laws.crank:
         return parameter_profile(motion_laws)
     if speed is None:
         raise InputError("neither a crank speed nor a profile was given; give one")
-    return constant(speed, turns, closed.angle)
+    return constant(speed, turns, start)
 
 
 def _check(
@@ -221,20 +220,17 @@ def _check(
 
 
 def laws_of(source: object, motion_laws: MotionLaws | None, crank_motion: object) -> MotionLaws:
-    """Return the requested motion laws; without them, and without a crank motion, those of the source."""
-    if motion_laws is None and crank_motion is None:
-        motion_laws = getattr(source, "motion_laws", None)
-    return motion_laws if isinstance(motion_laws, MotionLaws) else CRANK
-
-
-def require_motion_laws(source: Source, motion_laws: MotionLaws, crank_motion: object) -> None:
-    """Reject motion laws that do not fit the mechanism's drivers, and a crank motion in addition to them.
+    """Return the requested motion laws; without them, and without a crank motion, those of the source.
 
     Raises:
-        InputError: naming the drivers.
+        InputError: if they do not fit the mechanism's drivers, or a crank motion is given as well.
     """
-    if not motion_laws.crank and crank_motion is not None:
+    if motion_laws is None and crank_motion is None:
+        motion_laws = getattr(source, "motion_laws", None)
+    laws = motion_laws if isinstance(motion_laws, MotionLaws) else CRANK
+    if not laws.crank and crank_motion is not None:
         raise InputError("both motion laws and a crank's motion were given; give only one")
     model = getattr(source, "mechanism", source)
     if isinstance(model, Mechanism):
-        motion_laws.require_drivers(model)
+        laws.require_drivers(model)
+    return laws

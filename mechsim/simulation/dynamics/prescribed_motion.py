@@ -10,11 +10,11 @@ from mechsim.errors import InputError
 from mechsim.mechanism.forces import Forces, forces_of
 from mechsim.mechanism.masses import masses_of
 from mechsim.mechanism.mechanism import Mechanism, described
-from mechsim.mechanism.motion_laws import CrankProfile, MotionLaws, constant
+from mechsim.mechanism.motion_laws import CrankProfile, MotionLaws
 from mechsim.numerics.resources import Progress, no_progress
 from mechsim.simulation import loop_jacobian
 from mechsim.simulation.configurations import passed_change_points, require_regular_start, undecided_note
-from mechsim.simulation.custom_model import at_initial_state, parameter_profile
+from mechsim.simulation.custom_model import at_initial_state
 from mechsim.simulation.dynamics.inverse_dynamics import (
     forces_of_states,
     inverse_dynamics,
@@ -26,7 +26,7 @@ from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.simulation.poses.change_points import interpolated_motion
 from mechsim.simulation.recording import CHUNK, States, evaluate
 from mechsim.simulation.result import Driven, Method
-from mechsim.simulation.run import laws_of
+from mechsim.simulation.run import laws_of, requested_profile
 from mechsim.simulation.settings import Settings
 from mechsim.simulation.source import HasMechanism
 from mechsim.simulation.stepping import (
@@ -95,12 +95,8 @@ def driven(
     mechanism, acting = described(source), forces_of(source, forces)
     acting.require_no_controllers(mechanism.name)
     loaded = loaded_model(mechanism, acting.without_motor(), cut, follows_laws=not motion_laws.crank)
-    if not motion_laws.crank:
-        loaded, profile = at_initial_state(loaded, motion_laws), parameter_profile(motion_laws)
-    if profile is None:
-        if speed is None:
-            raise InputError("neither a crank speed nor a profile was given; give one of them")
-        profile = constant(speed, turns, mechanism.start)
+    loaded = at_initial_state(loaded, motion_laws)
+    profile = profile or requested_profile(motion_laws, speed, turns, mechanism.start)
     if method == "pose":
         return _solved(loaded, profile, samples, progress)
     require_steps_resolve(motion_laws)

@@ -43,7 +43,7 @@ def published_run(source: KinematicSolver, profile: CrankProfile) -> PublishedRu
     own = settings_of(model).as_dict()
     settings = {name: own[name] for name in ("timestep", *SHOWN) if name in own}
     result = PublishedRun(path=source.source.path, settings=settings)
-    steps = _duration(source, profile) / float(settings["timestep"])
+    steps = profile.duration / float(settings["timestep"])
     if not steps <= MAX_STEPS:
         note = f"they take {steps:.3g} steps, more than {MAX_STEPS:,}; give a shorter --duration"
         return replace(result, note=note, run=False)
@@ -77,9 +77,8 @@ def published_scene(source: KinematicSolver, profile: CrankProfile | None = None
     Raises:
         MechsimError: if the scene cannot start.
     """
-    laws: dict[str, State] = dict(source.motion_laws.by_name)
+    profile, laws = profile or source.motion_laws.path_profile, dict(source.motion_laws.by_name)
     if source.motion_laws.crank:
-        assert profile is not None
         laws = {source.mechanism.crank.name: profile.state}
     joint_laws, ctrl = _servo_laws(source, laws)
     # virtual drive inertia also keeps locked joints in position
@@ -89,7 +88,7 @@ def published_scene(source: KinematicSolver, profile: CrankProfile | None = None
         source.mechanism,
         joint_laws=joint_laws,
         ctrl=ctrl,
-        duration=_duration(source, profile),
+        duration=profile.duration,
         points=source.mechanism.points,
         qpos=source.source.qpos,
         started=bool(source.mechanism.guess),
@@ -162,13 +161,6 @@ def loop_gaps(run: SceneRun) -> Array:
     loops = loops_with_crank(run.model, 0)
     gaps = loops.residual(run.qpos)[:, : 3 * len(loops.pairs)].reshape(len(run.qpos), -1, 3)
     return np.linalg.norm(gaps, axis=2).max(1, initial=0.0)
-
-
-def _duration(source: KinematicSolver, profile: CrankProfile | None) -> float:
-    if not source.motion_laws.crank:
-        return float(source.motion_laws.duration)
-    assert profile is not None
-    return float(profile.duration)
 
 
 def _servo_laws(

@@ -146,11 +146,8 @@ def build_model(solver: KinematicSolver, profile: CrankProfile) -> BuiltModel:
         AssemblyError: if the drivers cannot make their whole motion.
     """
     spec, laws = assembled(solver.mechanism, Scene(level="motion")), solver.motion_laws
-    points = tuple(solver.mechanism.points)
-    if laws.crank:
-        closed = from_spec(spec, points, CRANK)
-    else:
-        closed = at_initial_state(from_spec(spec, points, laws.drivers), laws)
+    drivers = CRANK if laws.crank else laws.drivers
+    closed = at_initial_state(from_spec(spec, tuple(solver.mechanism.points), drivers), laws)
     return BuiltModel(closed, profile, first_state(closed, profile))
 
 
