@@ -168,11 +168,7 @@ def render(
 
 
 def _released(
-    source: Annotated[ModelOptions, Without("loops")],
-    output: str,
-    animation: AnimationOptions,
-    look: Look,
-    options: ReleaseOptions,
+    source: ModelOptions, output: str, animation: AnimationOptions, look: Look, options: ReleaseOptions
 ) -> Result:
     """Draw a run from an initial state, or one cycle of a mode of vibration."""
     model = released_model(source)

@@ -129,9 +129,8 @@ def segment_through(
                 if (same_sign or sign_change) and candidate.truncation_error() < MAX_TRUNCATION:
                     values = np.linalg.det(closed.linearised.matrix)
                     determinants = replace(candidate, states=values[:, None])
-                    return candidate, _root_near(
-                        determinants.derivative() if same_sign else determinants, change_point
-                    )
+                    vanishing = determinants.derivative() if same_sign else determinants
+                    return candidate, _root_near(vanishing, change_point)
         half_length *= 0.5
     return None
 

@@ -62,10 +62,20 @@ def assert_agrees(
     running = RUNNING.get()
     if running is not None:
         _record(running, agreement)
-    if not agreement.passed:
-        command = _command(source, formula, set or {}, drive or {}, duration, running)
-        raise AssertionError(_failure(agreement, command))
-    return agreement
+    if agreement.passed:
+        return agreement
+    # the command that repeats the comparison: of mechsim, else of pytest
+    command = shlex.join(["pytest", running.name]) if running is not None else "run this test again"
+    against, laws = _named(formula), drive or {}
+    plain = all(isinstance(law, str) for law in laws.values())
+    if isinstance(source, str) and plain and (against or formula is None):
+        words = ["mechsim", "validate", source]
+        words += ["--against", against] if against else []
+        words += [word for name, value in (set or {}).items() for word in ("--set", f"{name}={value}")]
+        words += [word for name, value in laws.items() for word in ("--drive", f"{name}={value}")]
+        words += [] if duration is None else ["--duration", str(duration)]
+        command = shlex.join(words)
+    raise AssertionError(_failure(agreement, command))
 
 
 def assert_file_agrees(path: str) -> None:
@@ -115,27 +125,6 @@ def _failure(agreement: Agreement, command: str) -> str:
         cause = f"perhaps: {best.message} (explains {100.0 * best.explains:.0f} %)"
     lines += textwrap.wrap(f"cause:  {cause}", WIDTH_OF_MESSAGE, subsequent_indent=" " * 8)
     return "\n".join([*lines, f"again:  {command}"])
-
-
-def _command(
-    model: str | KinematicSolver | Mechanism,
-    formula: Formula | None,
-    set: Mapping[str, str | float],
-    drive: Mapping[str, str | State],
-    duration: str | float | None,
-    running: RunningTest | None,
-) -> str:
-    """Return the command that repeats a comparison: of mechsim, else of pytest."""
-    against = _named(formula)
-    plain = all(isinstance(law, str) for law in drive.values())
-    if isinstance(model, str) and plain and (against or formula is None):
-        words = ["mechsim", "validate", model]
-        words += ["--against", against] if against else []
-        words += [word for name, value in set.items() for word in ("--set", f"{name}={value}")]
-        words += [word for name, value in drive.items() for word in ("--drive", f"{name}={value}")]
-        words += [] if duration is None else ["--duration", str(duration)]
-        return shlex.join(words)
-    return shlex.join(["pytest", running.name]) if running is not None else "run this test again"
 
 
 def _named(formula: Formula | None) -> str:

@@ -335,7 +335,21 @@ class ClosedForm(ABC):
                 for link in mechanism.links
                 if links
             }
-            coordinates = _joints(mechanism, geometry, angle, frames) if joints else {}
+            geared = {gear.driven: gear.ratio * angle + gear.phase for gear in mechanism.gears}
+            # those of gears include the revolutions of the crank
+            crank_angle = {mechanism.crank.name: angle, **geared}
+            motions: dict[str, JointMotion] = {}
+            for joint in mechanism.joints if joints else ():
+                side_a = geometry.frames.get(joint.name)
+                sides = None if side_a is None else (side_a, joint.b.frame)
+                coordinates: Sequence[Values] = (
+                    [crank_angle[joint.name]]
+                    if joint.name in crank_angle
+                    else link_frames.joint_coordinates(
+                        joint, frames[joint.a.link], frames[joint.b.link], sides
+                    )
+                )
+                motions |= link_frames.motions_of_joint(joint, coordinates, n)
         crank = angle if isinstance(angle, Jet) else constant_jet(angle)
         return Motion(
             "closed form",
@@ -344,7 +358,7 @@ class ClosedForm(ABC):
             crank.second,
             points,
             moved,
-            coordinates,
+            motions,
             spinning=self.spinning if links else frozenset(),
         )
 
@@ -387,22 +401,3 @@ class ClosedForm(ABC):
 
 # crank angles solved together: arrays of this length fit in the cache of a core
 CHUNK = 8192
-
-
-def _joints(
-    mechanism: Mechanism, geometry: Geometry, angle: Values, frames: Mapping[str, LinkFrame]
-) -> dict[str, JointMotion]:
-    """Return the motion of joint coordinates; those of gears include the revolutions of the crank."""
-    geared = {gear.driven: gear.ratio * angle + gear.phase for gear in mechanism.gears}
-    crank_angle = {mechanism.crank.name: angle, **geared}
-    motions: dict[str, JointMotion] = {}
-    for joint in mechanism.joints:
-        side_a = geometry.frames.get(joint.name)
-        sides = None if side_a is None else (side_a, joint.b.frame)
-        coordinates: Sequence[Values] = (
-            [crank_angle[joint.name]]
-            if joint.name in crank_angle
-            else link_frames.joint_coordinates(joint, frames[joint.a.link], frames[joint.b.link], sides)
-        )
-        motions |= link_frames.motions_of_joint(joint, coordinates, len(values(angle)))
-    return motions

@@ -215,11 +215,9 @@ def swing_arcs(cranks: CrankRanges) -> tuple[Array, Array]:
     for real in range(2, count, 2):
         rows = np.flatnonzero(certain & (number == real))
         if len(rows):
-            angles = np.angle(roots[rows][off[rows] < REAL]).reshape(len(rows), real)
-            ends = _chosen(
-                np.sort(_polished(angles, harmonics[index[rows]], order)), harmonics[index[rows]], order
-            )
-            low[index[rows]], high[index[rows]] = ends
+            angles, own = np.angle(roots[rows][off[rows] < REAL]).reshape(len(rows), real), index[rows]
+            ends = np.sort(_polished(angles, harmonics[own], order))
+            low[own], high[own] = _chosen(ends, harmonics[own], order)
     return low, high
 
 

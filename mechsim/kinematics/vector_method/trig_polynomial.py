@@ -1,6 +1,6 @@
 """Trigonometric polynomials of the crank angle: simple and double roots."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -92,13 +92,16 @@ class TrigPolynomial:
                 roots.append(root)
         return tuple(sorted(roots))
 
-    def without(self, touching: float) -> "TrigPolynomial":
-        """Return the quotient by sin2((f - touching) / 2), of one degree less."""
-        z = np.exp(1j * touching)
-        remaining, _ = np.polydiv(self.harmonics[::-1], np.array([1.0, -2.0 * z, z * z]))
-        remaining = -4.0 * z * remaining[::-1]
-        # restore the symmetry lost to rounding
-        return TrigPolynomial(0.5 * (remaining + remaining[::-1].conj()))
+    def without(self, touching: Sequence[float]) -> "TrigPolynomial":
+        """Return the quotient by sin2((f - root) / 2) of each double root, of one degree less each."""
+        harmonics = self.harmonics
+        for root in touching:
+            z = np.exp(1j * root)
+            remaining, _ = np.polydiv(harmonics[::-1], np.array([1.0, -2.0 * z, z * z]))
+            remaining = -4.0 * z * remaining[::-1]
+            # restore the symmetry lost to rounding
+            harmonics = 0.5 * (remaining + remaining[::-1].conj())
+        return TrigPolynomial(harmonics)
 
     def _zeros(self, derivative: int, tolerance: float) -> Array:
         """Return angles of the zeros close to the unit circle of z^n times the polynomial, z = exp(i f)."""
@@ -163,15 +166,9 @@ def sampled_polynomial(polynomial: Callable[[Array], Array], degree: int) -> Tri
 def signed_root(polynomial: TrigPolynomial) -> SignedRoot:
     """Return the square root that is smooth at double roots."""
     touching = polynomial.touching
-    rest = polynomial
-    for root in touching:
-        rest = rest.without(root)
+    rest = polynomial.without(touching)
     kept = tuple(root for root in touching if rest.value(root) > 0.0)
-    if kept != touching:
-        rest = polynomial
-        for root in kept:
-            rest = rest.without(root)
-    return SignedRoot(rest, kept)
+    return SignedRoot(rest if kept == touching else polynomial.without(kept), kept)
 
 
 def _wrapped(angle: float) -> float:
@@ -184,9 +181,7 @@ def reachable_arcs(polynomial: TrigPolynomial) -> Arcs:
     Accuracy: simple roots to a few ulp (refined by Newton's method on the polynomial itself); a double root,
         a change point, counts as no root.
     """
-    rest = polynomial
-    for double in polynomial.touching:
-        rest = rest.without(double)
+    rest = polynomial.without(polynomial.touching)
     ends = rest.roots()
     if not ends:
         full = rest.value(0.0) > 0.0

@@ -66,7 +66,16 @@ def forces_of_model(
     """
     model = _as_switched(model)
     lines = [_line(model, carriers, t) for t in range(model.ntendon)]
-    acting = _acting(model, lines, locked)
+    # actuators that are switched on and can move joints; None for one of another kind
+    acting: dict[str, Actuator | None] = {}
+    disabled = is_disabled(model, mujoco.mjtDisableBit.mjDSBL_ACTUATION)
+    for i, name in enumerate(() if disabled else actuator_names(model)):
+        joints, group = actuated_joints(model, i), int(model.actuator_group[i])
+        off = model.opt.disableactuator >> group & 1 if 0 <= group < GROUPS else False
+        if not off and not (joints and all(joint in locked for joint in joints)):
+            target = int(model.actuator_trnid[i, 0])
+            line = lines[target] if int(model.actuator_trntype[i]) == ON_TENDON else None
+            acting[name] = _actuator(model, i, name, line, locked)
     elements: list[Any] = [element for j in range(model.njnt) for element in _in_joint(model, j, locked)]
     elements += [actuator for actuator in acting.values() if actuator is not None]
     elements += [_in_tendon(model, t, line, locked) for t, line in enumerate(lines)]
@@ -178,24 +187,6 @@ def _in_tendon(model: mujoco.MjModel, t: int, line: Line | None, locked: Contain
     stretch = f"(max(l-{high!r},0)+min(l-{low!r},0))" if low != high else f"(l-{low!r})"
     text = f"{stiffness!r}*{stretch} + {_text(stretch, *powers)}"
     return _nonlinear(line, name, damping=damping, text=text)
-
-
-def _acting(
-    model: mujoco.MjModel, lines: Sequence[Line | None], locked: Container[str]
-) -> dict[str, Actuator | None]:
-    """Return the actuators that are switched on and can move joints; None for one of another kind."""
-    acting: dict[str, Actuator | None] = {}
-    if is_disabled(model, mujoco.mjtDisableBit.mjDSBL_ACTUATION):
-        return acting
-    for i, name in enumerate(actuator_names(model)):
-        joints, group = actuated_joints(model, i), int(model.actuator_group[i])
-        off = model.opt.disableactuator >> group & 1 if 0 <= group < GROUPS else False
-        if off or (joints and all(joint in locked for joint in joints)):
-            continue
-        target = int(model.actuator_trnid[i, 0])
-        line = lines[target] if int(model.actuator_trntype[i]) == ON_TENDON else None
-        acting[name] = _actuator(model, i, name, line, locked)
-    return acting
 
 
 def _transmission(

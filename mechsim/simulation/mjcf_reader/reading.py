@@ -137,7 +137,11 @@ def read_model(
         raise InputError(f"{path}: no body has a free joint; leave out --fix-base")
     spins = {name: value for name, value in (lock or {}).items() if isinstance(value, tuple)}
     locks = {name: value for name, value in (lock or {}).items() if not isinstance(value, tuple)}
-    fixed, locks = _fixed_joints(model, locks, fix_base=fix_base)
+    # ball and free joints that are locked
+    rotational = {model.joint(j).name: j for j in range(model.njnt) if int(model.jnt_type[j]) in COORDINATES}
+    named = {rotational[name] for name, value in locks.items() if name in rotational and value is None}
+    fixed = tuple(sorted(named.union(free_joints(model) if fix_base else ())))
+    locks = {name: value for name, value in locks.items() if rotational.get(name) not in fixed}
     if fixed:
         remarks += _fixed_remarks(model, fixed)
         start = fix_bodies(spec, model, fixed, start)
@@ -237,16 +241,6 @@ def _fixed_remarks(model: mujoco.MjModel, fixed: Sequence[int]) -> list[str]:
     balls = [model.joint(j).name for j in fixed if int(model.jnt_type[j]) == BALL]
     groups, start = (("a free joint", free), ("the ball", balls)), "held where the model starts, without"
     return [f"{start} {what}: {listed(names)}" for what, names in groups if names]
-
-
-def _fixed_joints(
-    model: mujoco.MjModel, lock: Mapping[str, LockedAt], *, fix_base: bool
-) -> tuple[tuple[int, ...], dict[str, LockedAt]]:
-    """Return the indices of ball and free joints that are locked, and the other locked joints."""
-    rotational = {model.joint(j).name: j for j in range(model.njnt) if int(model.jnt_type[j]) in COORDINATES}
-    named = {rotational[name] for name, value in lock.items() if name in rotational and value is None}
-    fixed = tuple(sorted(named.union(free_joints(model) if fix_base else ())))
-    return fixed, {name: value for name, value in lock.items() if rotational.get(name) not in fixed}
 
 
 def _with_locked_spins(
