@@ -169,15 +169,15 @@ def changes(
     length = designs.describe({}).characteristic_length
 
     def change(dimension: Dimension) -> Array:
-        def at(value: float) -> Array:
+        def perturbed_numbers(value: float) -> Array:
             return read_numbers({dimension.name: value})
 
-        current = at(dimension.value)
+        current = perturbed_numbers(dimension.value)
         best, apart = current, np.inf
         for step in _steps(dimension, length):
             try:
                 perturbed = [
-                    [at(dimension.value + direction * k * step) - current for k in range(1, 5)]
+                    [perturbed_numbers(dimension.value + direction * k * step) - current for k in range(1, 5)]
                     for direction in (1.0, -1.0)
                 ]
                 derivative, off = _derivative(np.array(perturbed), step)

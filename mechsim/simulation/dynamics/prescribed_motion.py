@@ -159,8 +159,8 @@ def _stepped(
     states = steps.states
     record = forces_of_states(loaded, model, settings.compliance_used, states, steps.force)
     drivers = [*record.drive_accelerations.values()]
-    known = {"driver_acceleration": np.stack(drivers, 1)} if drivers else {}
-    states = replace(states, crank_acceleration=record.acceleration, **known)
+    others = {"driver_acceleration": np.stack(drivers, 1)} if drivers else {}
+    states = replace(states, crank_acceleration=record.acceleration, **others)
     motion = evaluate(loaded.loops, loaded.track, states, "step")
     if steps.diverged:
         motion = replace(motion, broken=f"MuJoCo's state became invalid after {states.time[-1]:.6g} s")
