@@ -14,7 +14,8 @@ from mechsim.mechanism.motion import JointMotion, LinkMotion, Motion, PointMotio
 
 N = 7
 RANDOM = np.random.default_rng(7)
-ANGLE = np.linspace(0.3, 5.0, N)
+# of either sign
+ANGLE = np.linspace(-0.05, 4.65, N)
 FLAT = np.zeros((N, 3))
 
 

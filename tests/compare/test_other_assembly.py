@@ -9,7 +9,8 @@ from mechsim.compare.crosscheck import elsewhere
 from mechsim.mechanism.motion import Motion, PointMotion
 
 N = 12
-ANGLE = np.linspace(0.5, 4.0, N)
+# of either sign
+ANGLE = np.linspace(-3.0, 0.5, N)
 
 
 def motion_through(positions):

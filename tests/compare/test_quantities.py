@@ -14,7 +14,7 @@ from mechsim.compare.quantities import (
     stroke_of,
 )
 
-ANGLES, SPEED = np.linspace(0.1, 5.9, 31), 20.0
+ANGLES, SPEED = np.linspace(-5.9, -0.1, 31), 20.0
 GRAVITY = ms.Forces(gravity=(0.3, -9.81, 0.5), friction=(ms.Friction("crank", 1e-3, 1e-2),))
 MODEL = ms.dynamics.dynamic_model(ms.catalog.make("warp_knitter"), GRAVITY)
 RECORD = ms.dynamics.prescribed(MODEL, ANGLES, SPEED).forces

@@ -122,30 +122,6 @@ def test_a_declared_prefix_loses_no_loop(written):
     assert gap(written(text))[0] <= 1e-14
 
 
-BOMB = "a0: &a0 [x,x,x,x,x,x,x,x,x]\n" + "".join(
-    f"a{i}: &a{i} [{','.join([f'*a{i - 1}'] * 9)}]\n" for i in range(1, 12)
-)
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("closed_loop: 2001-13-45", "line 1: it has no list"),
-        ("# comment\nclosed_loop: !!int ''", "line 2: it has no list"),
-        ("closed_loop: [[rod_end, !!float '']]\ntype: [3d]", "names link ''"),
-        (BOMB + "closed_loop: [[rod_end, follower_end]]\ntype: {k: *a11}", "line 14: type is a dict"),
-        (BOMB + "closed_loop: [[rod_end, *a11]]", "line 13: closed_loop contains a list"),
-        ("? {a: 1}\n: b\n", "is no YAML"),
-        ("- a\n- b", "has no list"),
-        ("", "has no list"),
-    ],
-)
-def test_a_hostile_sidecar_file_is_rejected_with_its_line(written, text, message):
-    with pytest.raises(ms.InputError, match=message) as rejected:
-        ms.load(written(robot(ENDS)), loops=written(text, "robot.yaml"), still=True)
-    assert len(str(rejected.value)) < 500
-
-
 def test_an_unknown_key_of_a_sidecar_file_is_a_finding(written):
     text = "closed_loop: [[rod_end, follower_end]]\ntype: [3d]\nclosures: []\njoints_type: [FIXED]\n"
     findings = ms.check(written(robot(ENDS)), loops=written(text, "robot.yaml"), select=["MS115"])

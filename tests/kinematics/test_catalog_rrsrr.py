@@ -36,16 +36,6 @@ def test_the_transmission_angle_follows_from_the_transmitted_force():
     assert linkage.transmission_angle([low + 1e-9, high - 1e-9]).max() <= 1e-3
 
 
-def test_a_swinging_crank_starts_inside_its_range():
-    arcs = SWINGING.crank_range()
-    assert not arcs.full
-    assert any(low < SWINGING.mechanism.start < high for low, high in arcs.arcs)
-    outside = arcs.arcs[0][1] + 1e-3
-    with pytest.raises(ms.AssemblyError, match="does not close at crank angle"):
-        SWINGING.positions([outside])
-    assert SWINGING.assemblies(outside) == []
-
-
 def test_a_rocker_axis_through_the_spherical_joint_is_rejected():
     default, f = ms.catalog.make("rrsrr"), 0.7
     x, y, z = (default.positions([f])["S"][0] - default.pivot) / default.link

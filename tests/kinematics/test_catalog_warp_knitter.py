@@ -121,11 +121,3 @@ def test_the_transmission_angle_follows_from_the_instant_centre():
         force, arm = a + s * (b - a) - k, k - linkage.pivot_rocker
         cosine = abs(force @ arm) / np.linalg.norm(force) / np.linalg.norm(arm)
         assert value == pytest.approx(np.arccos(cosine), rel=1e-12)
-
-
-def test_dimensions_without_assembly_mode_are_rejected_when_solved():
-    linkage = ms.catalog.make("warp_knitter", rod3=0.2)
-    assert linkage.crank_range().arcs == ()
-    assert linkage.assembly_points(0.3) == []
-    with pytest.raises(ms.AssemblyError, match="does not close"):
-        linkage.positions([0.0])

@@ -152,6 +152,14 @@ def test_a_path_can_start_close_to_a_change_point(off):
     assert np.abs(result - linkage.positions(ANGLES)["B"]).max() <= 1e-12 * close.characteristic_length
 
 
+def test_one_newton_step_from_the_polynomials_of_a_path_leaves_rounding():
+    path = driven_path(ms.load("jansen").mechanism)
+    path.extend(path.initial + 6.0)
+    between = path.interpolated(path.initial + np.linspace(0.0, 6.0, 2001))
+    # the residual, in characteristic lengths, whose square is near rounding; measured 2.4e-8
+    assert np.abs(path.loops.linearise(between)[0]).max() < 1e-7
+
+
 @pytest.mark.parametrize(
     ("off", "output"),
     [*((angle, "since its start, .* start elsewhere") for angle in (0.0, np.pi)), (1e-7, "start elsewhere")],

@@ -37,6 +37,21 @@ def test_settings_change_only_their_values():
 
 
 @pytest.mark.parametrize(
+    "head",
+    ["<option/>", "<default/>", '<default><default class="x"><equality solref="1 1"/></default></default>'],
+)
+def test_many_equalities_get_their_compliance_from_the_main_default(head):
+    body, rows = (
+        '<worldbody><body><joint name="j"/><geom size="1"/></body></worldbody>',
+        3 * '<joint joint1="j"/>',
+    )
+    edited = EditedText(f"<mujoco>{head}{body}<equality>{rows}</equality></mujoco>")
+    set_compliance(edited, {"solref": "0.002 1"})
+    assert edited.result.index("<default") < edited.result.index("<worldbody")
+    assert mujoco.MjModel.from_xml_string(edited.result).eq_solref[:, 0].tolist() == [0.002] * 3
+
+
+@pytest.mark.parametrize(
     "text",
     [
         "<mujoco><worldbody/></mujoco>",

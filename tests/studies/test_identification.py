@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from model_files import FOLDER, changed_model
+from model_files import FOLDER
 from scipy.stats import chi2
 
 import mechsim as ms
@@ -213,29 +213,3 @@ def test_closed_loops_have_the_base_parameters_of_a_four_bar():
     texts = [combination.text for combination in result.combinations]
     assert any("0.032 coupler.mass" in text and "crank.mass*com.x" in text for text in texts)
     assert any("0.001024 coupler.mass" in text and "crank.inertia_about_origin.zz" in text for text in texts)
-
-
-@pytest.mark.parametrize(
-    ("change", "vary", "message"),
-    [
-        ({"t": None}, ["bob.mass"], "has no column t"),
-        ({"t": np.zeros(240)}, ["bob.mass"], "must increase"),
-        ({"torque": None}, ["bob.mass"], "has no column torque:J or current:J with J of pivot"),
-        ({}, ["bbo.mass"], "did you mean 'bob.mass'"),
-        ({"pivot.q": None}, ["bob.mass"], r"has no column pivot\.q"),
-    ],
-)
-def test_invalid_logs_are_rejected(change, vary, message):
-    log, torque = pendulum_log(1.3, 0.25, 0.02, 0.05, 0.1)
-    table = {
-        name: column for name, column in {**log, "torque": torque, **change}.items() if column is not None
-    }
-    with pytest.raises(ms.InputError, match=message):
-        ms.identify(PENDULUM, table, vary)
-
-
-def test_friction_by_the_load_is_not_linear():
-    rubbing = changed_model(PENDULUM.name, more="friction.pivot = { coefficient = 0.1, pin_radius = 0.01 }")
-    log, torque = pendulum_log(1.3, 0.25, 0.02, 0.05, 0.1)
-    with pytest.raises(ms.InputError, match="friction by load or rate, in pivot, is not part of"):
-        ms.identify(rubbing, log | {"torque": torque}, ["bob.mass"])

@@ -43,18 +43,6 @@ def test_a_tolerance_above_the_noise_passes_and_one_below_it_names_the_short_rod
     assert result.findings[0].value == pytest.approx(-5e-4, rel=0.05)
 
 
-def test_standard_deviations_belong_to_fit(tmp_path):
-    table = measured() | {"B.x ±": np.full(60, SIGMA)}
-    with pytest.raises(ms.InputError, match=r"the standard deviation of B\.x, .* use `mechsim fit`"):
-        validated(written(tmp_path / "deviations.csv", table))
-    table["B.x ±"][4] = 0.0
-    with pytest.raises(ms.InputError, match=r"column B\.x ± is .* in row 5; give it above 0"):
-        ms.fit("slider_crank", table, ["rod"])
-    table = {"angle": ANGLES, "angle±": np.full(60, 1e-3), "B.x": np.cos(ANGLES)}
-    with pytest.raises(ms.InputError, match="column angle counts as exact; leave out its standard deviation"):
-        ms.fit("four_bar", table, ["coupler"])
-
-
 @pytest.mark.long
 def test_fit_and_validate_read_a_table_equally(tmp_path):
     table = measured(rod=0.1999)

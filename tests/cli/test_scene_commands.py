@@ -1,4 +1,4 @@
-"""`mechsim tune` on a user-defined scene: its output runs in plain MuJoCo as its comment describes."""
+"""`tune`, `reduce` and `simulate --ctrl` on a user-defined scene: what they write runs in plain MuJoCo."""
 
 import json
 import math
@@ -12,6 +12,7 @@ from json_schemas import check_output
 from scene_texts import FINGER, FLOATING, scene
 
 from mechsim import files
+from mechsim.errors import InputError
 from mechsim.studies.scene.run import run_scene
 
 
@@ -137,3 +138,54 @@ def test_an_open_start_is_reported_and_closed_in_the_tuned_file(mechsim, tmp_pat
     assert data.ctrl[0] == 0.3
     assert np.abs(data.efc_pos).max() < 1e-12
     assert data.qpos[0] == pytest.approx(0.01)
+
+
+COMMAND = ("simulate", "finger.xml", "--ctrl", "servo=0.5*sin(2*pi*t)", "--duration", "0.4s")
+
+
+def test_a_controlled_run_equals_plain_mujoco(mechsim, tmp_path):
+    answer = mechsim(*COMMAND, "--samples", "21", "-o", "run.csv", "--json")
+    reported = json.loads(answer.out)
+    assert reported["outcome"] in ("passed", "failed")
+    assert answer.code == (0 if reported["outcome"] == "passed" else 1)
+    table = files.read(tmp_path / "run.csv")
+    assert table["t"] == pytest.approx(np.linspace(0.0, 0.4, 21), abs=1e-12)
+    model = mujoco.MjModel.from_xml_string(FINGER)
+    data = mujoco.MjData(model)
+    for _ in range(200):
+        data.ctrl[0] = 0.5 * np.sin(2 * np.pi * data.time)
+        mujoco.mj_step(model, data)
+    assert table["knuckle.q"][-1] == pytest.approx(data.qpos[0], abs=1e-12)
+    assert table["pad.x"][-1] == pytest.approx(0.07 - 0.06 * np.sin(data.qpos[2]), abs=1e-9)
+    speed = np.gradient(table["pad.x"], table["t"])[5:-5]
+    assert table["pad.vx"][5:-5] == pytest.approx(speed, abs=0.05 * np.abs(speed).max())
+    assert len(table["effort:servo"]) == reported["rows"]
+
+
+def test_several_tracked_points_are_accepted(mechsim, monkeypatch):
+    tracked_names = []
+
+    def stop(scene, *_, **__):
+        tracked_names.extend(scene.tracked)
+        raise InputError("seen")
+
+    monkeypatch.setattr("mechsim.studies.reduction.search.reduce_scene", stop)
+    arguments = ("--track", "pad,lever", "--track", "P,pad@0.1,0,0")
+    assert mechsim("reduce", "finger.xml", "--tolerance", "7um", *arguments, "-o", "out.xml").code == 2
+    assert tracked_names == ["pad", "lever", "P"]
+
+
+@pytest.mark.slow
+def test_locked_joints_and_a_fixed_base_stay_fixed_in_the_reduced_scene(mechsim, tmp_path):
+    (tmp_path / "floating.xml").write_text(FLOATING)
+    locks = ("--fix-base", "--lock", "swing=0.2", "--key", "home", "--ctrl", "servo=0.1")
+    arguments = ("--duration", "0.1s", "--tolerance", "7um", "--track", "pad", "-o", "out.xml", "--json")
+    answer = mechsim("reduce", "floating.xml", *locks, *arguments)
+    assert answer.code == 0, answer.err
+    assert json.loads(answer.out)["error"] <= 7e-6
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "out.xml"))
+    assert not (model.jnt_type == mujoco.mjtJoint.mjJNT_FREE).any()
+    pad = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, pad, 0)
+    mujoco.mj_forward(model, pad)
+    assert pad.body("pad").xpos[2] > 1.0  # pose of the keyframe and not of the reference configuration
