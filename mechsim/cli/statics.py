@@ -202,9 +202,10 @@ def _root_text(mode: Mode) -> str:
 
 
 def _position(mechanism: Mechanism, equilibrium: Equilibrium) -> str:
-    """Return the drivers' coordinates at an equilibrium; without drivers, as many as degrees of freedom."""
+    """Return the coordinates at an equilibrium: the drivers', and others up to the degrees of freedom."""
     units, texts = coordinate_units(mechanism), list[str]()
-    for name in mechanism.drivers or tuple(equilibrium.q)[: max(1, len(equilibrium.linear.stiffness))]:
+    count = max(1, len(mechanism.drivers), len(equilibrium.linear.stiffness))
+    for name in [*dict.fromkeys((*mechanism.drivers, *equilibrium.q))][:count]:
         scale = mechanism.characteristic_length if units[name] == "m" else 1.0
         value = without_noise([equilibrium.q[name], scale])[0]
         by, unit = DEGREES.converted(units[name])
@@ -267,6 +268,8 @@ def modes(
         state += f", of a family of dimension {equilibrium.dimension}," if equilibrium.dimension else ""
         position = _position(model.mechanism, equilibrium)
         title = f"{name}: modes about the {state} equilibrium at {position}"
+        if equilibrium.singular:
+            print_text(f"{title}: none, since it can move there in more ways than next to it")
         print_table(title, ("frequency [Hz]", "damping ratio", "s [1/s]", "shape"), rows)
 
     return _with_masses(model, Result(_equilibrium_facts(equilibrium), text, equilibrium.stable is True))

@@ -6,6 +6,8 @@ from os import PathLike, fspath
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from mechsim.errors import InputError, MechsimError
 from mechsim.io.mujoco_inputs import linted
 from mechsim.mechanism.finding import Finding
@@ -65,11 +67,13 @@ def check_each(
     result: list[Finding] = []
     for model in models:
         try:
-            read = _read(model, loops)
+            read, computed = _read(model, loops)
             # the file that is checked, not the name of what it becomes in MuJoCo
             path = fspath(model) if isinstance(model, str | PathLike) else read.path
             result += [
-                replace(each, file=path) if each.file == read.path else each for each in violations(read)
+                replace(each, file=path) if each.file == read.path else each
+                for each in violations(read)
+                if each.rule != "MS104" or each.object not in computed
             ]
         except MechsimError as error:
             if len(models) == 1:
@@ -96,14 +100,15 @@ def fixed_copy(path: str, target: Path, violated: Sequence[Finding]) -> tuple[st
     """
     if root_of(path) != "mujoco":
         raise InputError(f"--fix repairs MJCF, and {path} is URDF; mechsim export writes it as MJCF")
-    text, repaired = fixed_text(read_text(path), _read(path), violated)
+    text, repaired = fixed_text(read_text(path), _read(path)[0], violated)
     return moved_to(text, Path(path).parent, target.parent), repaired
 
 
-def _read(model: Any, loops: str | PathLike[str] | None = None) -> MjcfModel:
+def _read(model: Any, loops: str | PathLike[str] | None = None) -> tuple[MjcfModel, set[str]]:
+    """Return a model as read, and its links of which the file states no moments of inertia."""
     own = linted(model, loops)
     if own is not None:
-        return own
+        return own, set()
     from mechsim.io.readers import load
     from mechsim.studies.robots.mujoco_models import rounded_angle, spec_and_unlimited
 
@@ -119,4 +124,6 @@ def _read(model: Any, loops: str | PathLike[str] | None = None) -> MjcfModel:
         spec.delete(actuator)
     drivers = [name for name in solver.mechanism.drivers if spec.joint(name) is not None]
     read = read_model(spec, drivers=drivers, lint=True)
-    return replace(read, unread=(*read.unread, *filter(None, [rounded_angle(model)])))
+    inertias = {link.name: link.inertia for link in solver.mechanism.links}
+    computed = {name for name, own in inertias.items() if own is None or not np.any(own.moments)}
+    return replace(read, unread=(*read.unread, *filter(None, [rounded_angle(model)]))), computed
