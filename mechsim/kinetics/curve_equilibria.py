@@ -157,10 +157,14 @@ def _forces_differ(equations: EquationsOfMotion, start: Coordinates, q: Coordina
     # a stop distinguishes angles that differ by revolutions
     if np.abs(revolutions)[[*equations.sprung.values()]].any():
         return True
-    both = start, replace(start, values=start.values + revolutions)
-    first, second = (reduced_forces(equations, each, tangent[None, :, None]) for each in both)
-    change = np.abs(second.force - first.force).max()
-    return bool(change > SAME_FORCE * np.abs(first.stiffness).max() + first.rounding.max())
+    return not equal_forces(equations, start, start.values + revolutions, tangent[:, None])
+
+
+def equal_forces(equations: EquationsOfMotion, q: Coordinates, values: Array, basis: Array) -> bool:
+    """Whether forces along a basis of rates (free, dof) are equal at values (count, 1) after revolutions."""
+    first, second = (reduced_forces(equations, each, basis[None]) for each in (q, replace(q, values=values)))
+    change = np.abs(second.force - first.force).max(initial=0.0)
+    return bool(change <= SAME_FORCE * np.abs(first.stiffness).max(initial=0.0) + first.rounding.max())
 
 
 def tangents_next_to(equations: EquationsOfMotion, q: Coordinates, reference: Array) -> tuple[Array, Array]:

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from mechsim.errors import AssemblyError, FrictionError, InputError
 from mechsim.kinematics.loops.kinematics import Coordinates
 from mechsim.kinetics.contacts import CLOSED_GAP
-from mechsim.kinetics.curve_equilibria import EquilibriumCurve, curve_through, equilibria_on
+from mechsim.kinetics.curve_equilibria import EquilibriumCurve, curve_through, equal_forces, equilibria_on
 from mechsim.kinetics.dynamic_run import Initial, initial_values, require_regular
 from mechsim.kinetics.equations_of_motion import EquationsOfMotion, equations_of_motion
 from mechsim.kinetics.equilibrium_search import RestingState, all_at_rest, distinct, newton_equilibria, same
@@ -42,8 +42,6 @@ RANDOM_CONFIGURATIONS = 10
 STOP_SETS = 60
 # length of one of these random steps, in [rad] or characteristic lengths
 RANDOM_STEP = 0.7
-# change of the sides of a coupling, relative to its unit, below which revolutions do not change it
-SAME_SIDE = 1e-6
 # rate of a driver that gives an impending motion its direction, in [rad/s] or [m/s]: its square is rounding
 IMPENDING = 1e-10
 
@@ -53,7 +51,7 @@ class Equilibrium:
     """A configuration at rest under the loads.
 
     Attributes:
-        q: joint coordinate -> value in [m] or [rad]; angles within (-pi, pi], unless springs, racks or ropes
+        q: joint coordinate -> value in [m] or [rad]; angles within (-pi, pi], unless springs, gears or ropes
             count their revolutions.
         stable: whether small motions about it do not grow; None if rounding does not let it be decided.
         potential: potential energy of gravity and springs, in [J].
@@ -139,14 +137,16 @@ def equilibria(
 def _beyond(model: DynamicModel, q: Mapping[str, float], ranges: Ranges) -> dict[str, float]:
     """Return coordinates beyond the ranges that they have, and their nearest limits.
 
-    Angles count up to whole revolutions.
+    Angles count up to whole revolutions, unless the equilibrium differs by them.
     """
     limits: dict[str, float] = {}
     for name, (low, high) in ranges.items():
         if name in q:
             slides = model.mechanism.unit(name) == "m"
             slack = CLOSED_GAP * (model.mechanism.characteristic_length if slides else 1.0)
-            value = q[name] if slides else low - slack + (q[name] - low + slack) % REVOLUTION
+            # an angle beyond half a revolution differs from that before
+            counted = slides or abs(q[name]) > np.pi
+            value = q[name] if counted else low - slack + (q[name] - low + slack) % REVOLUTION
             if not low - slack <= value <= high + slack and np.isfinite(value):
                 past, before = value - high, low - value + (0.0 if slides else REVOLUTION)
                 limits[name] = high if value > high and (past <= before or slides) else low
@@ -207,7 +207,8 @@ def _at_several_stops(
             ):
                 stable = not moving or _described(at_limits, state).stable
                 balanced = replace(equations, model=model.with_forces(with_stops(model.forces, stops)))
-                yield replace(_described(balanced, state), stable=stable, modes=(), stops=stops)
+                at_stop = _described(balanced, state)
+                yield replace(at_stop, q={**at_stop.q, **limits}, stable=stable, modes=(), stops=stops)
 
 
 def _holding_forces(equations: EquationsOfMotion, q: Coordinates, names: Sequence[str]) -> dict[str, float]:
@@ -247,21 +248,21 @@ def _at_stops(
             )
             q = curve.configurations(interval, np.array([length]))
             stops = _holding_forces(equations, q, [name])
-            if stops[name] * side < 0.0 and _same_revolution(curve, index, q, ranges[name]):
+            if stops[name] * side < 0.0 and _same_revolution(curve, index, q, limit, ranges[name]):
                 balanced = replace(equations, model=model.with_forces(with_stops(model.forces, stops)))
                 at_stop = _described(balanced, RestingState(q, True, 0, False))
-                yield replace(at_stop, stable=True, modes=(), stops=stops)
+                yield replace(at_stop, q={**at_stop.q, name: limit}, stable=True, modes=(), stops=stops)
 
 
 def _same_revolution(
-    curve: EquilibriumCurve, index: int, q: Coordinates, limits: tuple[float, float]
+    curve: EquilibriumCurve, index: int, q: Coordinates, limit: float, limits: tuple[float, float]
 ) -> bool:
     """Whether a limit on a curve is that of the revolution in which the curve starts between the limits."""
     low, high = limits
     start, value = (float(each.values[index, 0]) for each in (curve.q, q))
-    within = low + (start - low) % REVOLUTION
+    within = start if low <= start <= high else low + (start - low) % REVOLUTION
     closed = curve.forward is None or curve.equations.loops.tree.slides[index]
-    return bool(closed or within > high or low - CLOSED_GAP <= value + within - start <= high + CLOSED_GAP)
+    return bool(closed or within > high or abs(value + within - start - limit) <= CLOSED_GAP)
 
 
 def with_stops(forces: Forces, stops: Mapping[str, float]) -> Forces:
@@ -493,14 +494,21 @@ def _described(equations: EquationsOfMotion, state: RestingState, everywhere: bo
 
 
 def _coordinates(equations: EquationsOfMotion, q: Coordinates) -> dict[str, float]:
-    """Return joint coordinates in [m] and [rad], angles within (-pi, pi] unless revolutions count."""
-    tree, counted = equations.loops.tree, [*equations.sprung.values()]
-    values = np.where(tree.slides[:, None], q.values, wrapped(q.values))
-    for row in equations.loops.couplings:
-        change = row.evaluate(values)[0] - row.evaluate(q.values)[0]
-        if not row.has_revolutions and np.abs(change).max() > SAME_SIDE:
-            counted += row.columns.tolist()
-    values[counted] = q.values[counted]
+    """Return joint coordinates in [m] and [rad].
+
+    Angles are within (-pi, pi], unless springs, servos, stops or gears distinguish them after revolutions.
+    """
+    tree, loops, values = equations.loops.tree, equations.loops, q.values
+    angles = np.flatnonzero(~tree.slides & (np.abs(values[:, 0]) > np.pi))
+    basis = independent_rates(equations, q) if len(angles) else values
+    for i in angles:
+        wound = values.copy()
+        wound[i] = wrapped(wound[i])
+        change = np.array([row.evaluate(wound)[0] - row.evaluate(values)[0] for row in loops.couplings])
+        free = [row.has_revolutions for row in loops.couplings]
+        change[free] = wrapped(change[free])
+        if np.abs(change).max(initial=0.0) < CLOSED_GAP and equal_forces(equations, q, wound, basis):
+            values = wound
     return {name: float(values[i, 0]) for name, i in tree.index_of.items()}
 
 
