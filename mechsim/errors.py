@@ -2,7 +2,7 @@
 
 import json
 import os
-from collections.abc import Generator, Sequence
+from collections.abc import Collection, Generator, Iterable, Sequence
 from contextlib import contextmanager
 from importlib.util import find_spec
 from typing import Literal
@@ -82,6 +82,13 @@ def require_once(where: str, names: Sequence[str]) -> None:
     """Raise InputError if an option, a table or an entry names something twice."""
     if twice := next((name for name in names if names.count(name) > 1), None):
         raise InputError(f"{where} names {twice} twice; give it once")
+
+
+def require_known(lacking: str, stated: Iterable[str], accepted: Collection[str]) -> None:
+    """Raise InputError for a name that is not accepted, of what is lacking, as "a picture has no option"."""
+    for name in stated:
+        if name not in accepted:
+            raise InputError(f"{lacking} {name!r}; choose from {', '.join(accepted)}")
 
 
 def install_command(extra: str) -> str:

@@ -155,8 +155,6 @@ def _springs(mechanism: Mechanism, forces: Forces, posture: Posture) -> Iterator
         yield Action(f"spring {i}", link_a, link_b, tension * difference / length, first)
     for spring in forces.joint_springs:
         stretch = posture.motion.joints[spring.joint].value - spring.rest
-        if mechanism.joint(spring.joint).kind == "revolute":
-            stretch = np.angle(np.exp(1j * stretch))
         name = f"spring in {spring.joint}"
         yield along_coordinate(mechanism, posture, spring.joint, -spring.stiffness * stretch, name)
 

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
+from functools import wraps
+from inspect import signature
 from os import PathLike, fspath
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeAlias, TypeVar
 
 from mechsim import units
-from mechsim.errors import InputError
+from mechsim.errors import InputError, require_known
 from mechsim.io import catalog, gallery
 from mechsim.io.model_source import (
     READERS,
@@ -78,6 +80,23 @@ def _unknown_model(name: str, names: list[str]) -> InputError:
     return InputError(f"there is no mechanism {name!r}{catalog.nearest(name, names)}")
 
 
+P = ParamSpec("P")
+R = TypeVar("R")
+
+
+def _naming_options(call: Callable[P, R]) -> Callable[P, R]:
+    """Return a function of a model that names its options where it gets another."""
+    options = [*signature(call).parameters]
+
+    @wraps(call)
+    def checked(*args: P.args, **stated: P.kwargs) -> R:
+        require_known("a model has no option", stated, options)
+        return call(*args, **stated)
+
+    return checked
+
+
+@_naming_options
 def load(
     model: Model,
     set: Mapping[str, str | float] | None = None,
@@ -155,6 +174,7 @@ def load_by_motors(
 
 def _prescription(options: Mapping[str, Any]) -> Prescription:
     """Return the prescription of options of `load`, of which None stands for the default."""
+    require_known("a model has no option", options, Prescription.__dataclass_fields__)
     stated = {name: value for name, value in options.items() if value is not None}
     if not isinstance(stated.get("lock", {}), Mapping):
         stated["lock"] = dict.fromkeys(stated["lock"])

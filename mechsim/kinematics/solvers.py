@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechsim.errors import AssemblyError, InputError, SingularStartError
+from mechsim.errors import AssemblyError, InputError, SingularStartError, require_known
 from mechsim.kinematics.loops.joint_ranges import JointRanges
 from mechsim.kinematics.loops.motion import driven_path, solve_along, solve_prescribed
 from mechsim.kinematics.loops.path import Instants, LoopPath
@@ -198,6 +198,7 @@ class KinematicSolver:
 
     def with_parameters(self, **changes: Any) -> KinematicSolver:
         """Return the solver with other values of some parameters of its formulas, in SI."""
+        require_known(f"{self.name} has no parameter", changes, self._formulas.values)
         return self._by(self._formulas.with_parameters(**changes))
 
     def with_dimensions(self, values: Mapping[str, float]) -> KinematicSolver:

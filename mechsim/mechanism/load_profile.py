@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from scipy.interpolate import BSpline
 
 Over = Literal["angle", "time"]
-# largest error in [rad] of the period of a table, which is then stretched: angles with six digits
-PERIOD_TOLERANCE = 1e-5
+# largest error of the span of a table, which is then stretched, relative to it: half a unit of six digits
+PERIOD_TOLERANCE = 5e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +103,7 @@ def function(call: Callable[[Array], Array], *, over: Over = "angle", width: int
 def whole_revolutions(span: float) -> int:
     """Return how many revolutions an angle in [rad] is, 0 if they are not whole."""
     number = round(span / REVOLUTION)
-    return number if abs(span - number * REVOLUTION) <= PERIOD_TOLERANCE else 0
+    return number if abs(span - number * REVOLUTION) <= PERIOD_TOLERANCE * abs(span) else 0
 
 
 def table(

@@ -228,15 +228,19 @@ def render(
     Example:
         >>> ms.render("rssr", "rssr.png", camera="top")
     """
+    from mechsim.errors import require_known
+    from mechsim.io.model_source import Prescription
     from mechsim.pictures.render import Look, write_picture, write_video
     from mechsim.pictures.render.drawn_model import drawn_as
     from mechsim.pictures.render.frame_poses import returns_visibly
     from mechsim.pictures.render.gltf import write_gltf
+    from mechsim.pictures.render.look import look_options
     from mechsim.studies.drawn_motion import drawn_motion, initial_pose, is_undriven
     from mechsim.studies.motions import profile_of
     from mechsim.units import crank_speed
 
     shown = {name: options.pop(name) for name in [*options] if name in Look.__dataclass_fields__}
+    require_known("a picture has no option", options, [*look_options(), *Prescription.__dataclass_fields__])
     solver, release = _opened(model, set, options, still=motion is not None)
     look = replace(Look(), **{**drawn_as(solver), **shown})
     timed, picture = not solver.motion_laws.crank, output is None or Path(output).suffix == ".png"

@@ -22,7 +22,6 @@ from mechsim.simulation.state import (
     ONE_THREAD,
     gravity,
     has_dry_friction,
-    rotated,
     scalar_joints,
 )
 
@@ -330,7 +329,7 @@ def resting(n: int) -> LinkMotion:
 
 def point_rates(link: LinkMotion, local: Array) -> tuple[Array, Array, Array]:
     """Return position, velocity and acceleration of a point of a link, (n, 3) each."""
-    arm, spin = rotated(link.rotation, local), link.angular_velocity
+    arm, spin = link.rotation @ local, link.angular_velocity
     swing = cross(spin, arm)
     acceleration = link.acceleration + cross(link.angular_acceleration, arm) + cross(spin, swing)
     return link.position + arm, link.velocity + swing, acceleration

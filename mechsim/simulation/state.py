@@ -237,11 +237,6 @@ def matching_state(
     return qpos, qvel
 
 
-def rotated(rotation: Array, local: Array) -> Array:
-    """Return body-fixed vectors, (3,) or (n, 3), in the world frame; rotations are (n, 3, 3)."""
-    return rotation @ local if local.ndim == 1 else (rotation @ local[..., None])[..., 0]
-
-
 def cross_matrices(vectors: Array) -> Array:
     """Return the matrices (n, 3, 3) of the cross products with vectors (n, 3)."""
     matrices = np.zeros((len(vectors), 3, 3))

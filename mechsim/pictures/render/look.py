@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any, Literal, get_args
 
-from mechsim.errors import InputError
+from mechsim.errors import InputError, require_known
 from mechsim.mechanism.forces import Forces
 from mechsim.mechanism.mechanism import Up, require_axis
 from mechsim.shapes.camera import PRESETS, Angles
@@ -115,9 +115,11 @@ def changed(look: Look | None, options: dict[str, Any]) -> Look:
     Raises:
         InputError: for a field there is not, or a value that it cannot have.
     """
-    of_files = {field.name for field in fields(Drawn)}
-    names = [field.name for field in fields(Look) if field.name not in of_files]
-    for name in options:
-        if name not in names:
-            raise InputError(f"a picture has no option {name!r}; choose from {', '.join(names)}")
+    require_known("a picture has no option", options, look_options())
     return replace(look or Look(), **options)
+
+
+def look_options() -> list[str]:
+    """Return the names of the options of a picture, which files do not state."""
+    of_files = {field.name for field in fields(Drawn)}
+    return [field.name for field in fields(Look) if field.name not in of_files]
