@@ -270,8 +270,10 @@ class Contacts:
         gaps = self.gaps(state.q.values / self.equations.loops.units[:, None])
         return [int(i) for i in np.flatnonzero(gaps[:, 0] <= CLOSED_GAP)] if len(gaps) else []
 
-    def rates_after_impact(self, state: Kinematics, time: float, mode: ContactMode, fastest: float) -> Array:
-        """Return the rates (count, 1) after impacts at all closed gaps, by impulses on all coordinates.
+    def rates_after_impact(
+        self, state: Kinematics, time: float, mode: ContactMode, fastest: float
+    ) -> tuple[Array, float]:
+        """Return the rates (count, 1) after impacts at all closed gaps, and the work of the drives in them.
 
         Impacts follow one another until no closed gap approaches. A gap that opens takes no part in an
         impact. A joint that only touches its stop comes to rest there.
@@ -285,9 +287,9 @@ class Contacts:
         Raises:
             JammedError: if prescribed motion closes a gap further.
         """
-        closed, rates, still = self._closed(state), state.rates, NO_APPROACH * fastest
+        closed, rates, still, work = self._closed(state), state.rates, NO_APPROACH * fastest, 0.0
         if not (self.gap_rates(rates)[closed] < -still).any():
-            return rates
+            return rates, work
         own = [self.stops[i].restitution for i in closed]
         restitutions = np.array([self.restitution if value is None else value for value in own])
         unheld = replace(mode, stuck=[], contacts=[])
@@ -305,19 +307,24 @@ class Contacts:
             opening = before[taking_part] - target
             pressed = self._pressed(state.mass, state.jacobian, stops, opening, still)
             struck = -self._sides(pressed) * target[np.isin(stops, pressed)]
-            rates = self._after_impulses(state, rates, self._rows(pressed), struck)
-        return rates
+            rates, more = self._after_impulses(state, rates, self._rows(pressed), struck)
+            work += more
+        return rates, work
 
-    def _after_impulses(self, state: Kinematics, rates: Array, rows: Array, target: Array) -> Array:
+    def _after_impulses(
+        self, state: Kinematics, rates: Array, rows: Array, target: Array
+    ) -> tuple[Array, float]:
         """Return the rates (count, 1) after impulses along rows (k, free) that give these the rates (k,).
 
-        They change no rate that the loops and prescribed motion determine.
+        They change no rate that the loops and prescribed motion determine. The second value is the work of
+        the impulses that keep prescribed rates.
         """
         free, after, rows = rates[self.equations.free].T[..., None], np.zeros_like(rates), rows[None]
         kept = np.concatenate([(state.jacobian @ free)[..., 0], target[None]], 1)
         rows, momentum = np.concatenate([state.jacobian, rows], 1), (state.mass @ free)[..., 0]
-        after[self.equations.free] = constrained_acceleration(state.mass, momentum, rows, -kept)[0].T
-        return after
+        new, impulses = constrained_acceleration(state.mass, momentum, rows, -kept)
+        after[self.equations.free], count = new.T, state.jacobian.shape[1]
+        return after, float((impulses * kept)[0, :count].sum())
 
     def _pressed(
         self, mass: Array, rows: Array, stops: Sequence[int], opening: Array, tolerance: float
@@ -359,7 +366,7 @@ class Contacts:
         if not mode.stuck:
             return state.rates
         rows = self.equations.friction_directions(state)[mode.stuck, 0]
-        rates = self._after_impulses(state, state.rates, rows, np.zeros(len(rows)))
+        rates, _ = self._after_impulses(state, state.rates, rows, np.zeros(len(rows)))
         return rates if np.abs(rates - state.rates).max() <= SOFT_IMPACT * fastest else state.rates
 
     def _by_rates(self, state: Kinematics, fastest: float) -> ContactMode:

@@ -691,7 +691,7 @@ class Integration:
         """Apply the impacts of the joints that hit their stops; return whether there are any."""
         state = self.kinematics()
         q, rates = state.q, state.rates
-        after = self.contacts.rates_after_impact(state, self.time, self.right.mode, self.fastest)
+        after, work = self.contacts.rates_after_impact(state, self.time, self.right.mode, self.fastest)
         if after is rates:
             return False
         mass = state.mass
@@ -700,7 +700,7 @@ class Integration:
         if new > before * (1.0 + IMPACT_ROUNDING) and not self.equations.prescribed:
             raise JammedError("impacts of joints with different coefficients of restitution add energy")
         self.state = self.layout.replaced(self.state[None], q, after)[0]
-        self.state[-1] += float(before - new)
+        self.state[-2:] += work, float(before - new) + work
         return True
 
     def _at_rest(self) -> tuple[Outcome, str] | None:
