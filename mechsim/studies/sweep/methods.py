@@ -15,7 +15,7 @@ from mechsim.kinematics.formulas.many_designs import (
     transmissions,
 )
 from mechsim.kinematics.formulas.two_branch import TwoBranchForm
-from mechsim.kinematics.loops.crank_swings import SwingTracer
+from mechsim.kinematics.loops.crank_swings import crank_swings
 from mechsim.kinematics.loops.design_motion import many_motion
 from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.kinetics import dynamic_model
@@ -36,6 +36,8 @@ from mechsim.studies.sweep.task import (
 )
 
 Rows = NDArray[np.intp]
+# lower and upper dead centre of a crank that swings, in [rad]
+Arc = tuple[float, float]
 # poses solved at once: their arrays fit into a core's cache
 BLOCK = 8192
 # largest length of a stored reason, in characters
@@ -46,12 +48,12 @@ def measured_designs(task: SweepTask, low: int, high: int) -> Measured:
     """Return the measures of designs low to high; designs that fail are reported by their outcome."""
     rows = task.designs.rows(low, high)
     result = nothing_measured(task, high - low)
-    remaining = np.arange(high - low)
+    remaining, arcs = np.arange(high - low), dict[int, Arc]()
     if formula := by_one_formula(task):
         remaining = _formula(task, formula, rows, result)
     elif task.loops is not None:
-        remaining = _loops(task, rows, result)
-    one_by_one(task, rows, remaining, result)
+        remaining, arcs = _loops(task, rows, result)
+    one_by_one(task, rows, remaining, result, arcs)
     return result
 
 
@@ -102,8 +104,8 @@ def _turns(task: SweepTask, rows: Mapping[str, Array], motion: Motion) -> Turns:
     return Turns(designs, poses, motion, more)
 
 
-def _loops(task: SweepTask, rows: Mapping[str, Array], result: Measured) -> Rows:
-    """Measure designs by loop equations together; return those that this cannot determine."""
+def _loops(task: SweepTask, rows: Mapping[str, Array], result: Measured) -> tuple[Rows, dict[int, Arc]]:
+    """Measure designs by loop equations together; return the others, and the ranges of those that swing."""
     assert task.loops is not None
     every = np.arange(len(result.outcome))
     # a catalogue mechanism must turn fully, which the end of the turn shows
@@ -112,11 +114,11 @@ def _loops(task: SweepTask, rows: Mapping[str, Array], result: Measured) -> Rows
     try:
         assembled = assembled_designs(task, rows)
         if assembled is None:
-            return every
+            return every, {}
         started, index = assembled
         motion, valid = many_motion(task.loops, started, angles, task.path_speed, task.measures.joints)
     except (MechsimError, ArithmeticError, np.linalg.LinAlgError):
-        return every
+        return every, {}
     if closed:
         valid &= come_back(motion, len(index))
         motion = select_instants(motion, np.tile(np.arange(len(angles)) < len(task.angles), len(index)))
@@ -124,35 +126,18 @@ def _loops(task: SweepTask, rows: Mapping[str, Array], result: Measured) -> Rows
         values = task.values(_turns(task, _subset(rows, index), motion))
     stored = result.store_finite(index, values, valid)
     others = np.flatnonzero(~np.isin(index, stored))
-    swinging = _loop_swings(task, rows, started, index, others, result)
-    return np.setdiff1d(every, np.union1d(stored, swinging))
+    return np.setdiff1d(every, stored), _swing_arcs(task, started.subset(others), index[others])
 
 
-def _loop_swings(
-    task: SweepTask,
-    rows: Mapping[str, Array],
-    started: StartedDesigns,
-    index: Rows,
-    others: Rows,
-    result: Measured,
-) -> Rows:
-    """Measure designs whose cranks swing by loop equations together; return their indices."""
-    assert task.loops is not None
-    if not len(others) or not task.subject.solver.motion_laws.crank:
-        return others[:0]
+def _swing_arcs(task: SweepTask, started: StartedDesigns, index: Rows) -> dict[int, Arc]:
+    """Return the reachable ranges of designs whose cranks swing, traced together, by the designs' index."""
+    if task.loops is None or not len(index) or not task.subject.solver.motion_laws.crank:
+        return {}
     try:
-        tracer = SwingTracer(task.loops, started.subset(others))
-        swings = tracer.swings()
-        if swings is None:
-            return others[:0]
-        crank = task.within(swings.low, swings.high)
-        motion, valid = tracer.motion(swings, *crank, task.measures.joints)
+        arcs = crank_swings(task.loops, started)
     except (MechsimError, ArithmeticError, np.linalg.LinAlgError):
-        return others[:0]
-    own = index[others[swings.rows]]
-    with np.errstate(all="ignore"):
-        values = task.values(_turns(task, _subset(rows, own), motion))
-    return result.store_finite(own, values, valid, (swings.low, swings.high))
+        return {}
+    return {int(index[row]): arc for row, arc in arcs.items()}
 
 
 def come_back(motion: Motion, designs: int) -> NDArray[np.bool_]:
@@ -168,14 +153,16 @@ def _subset(rows: Mapping[str, Array], index: Rows) -> dict[str, Array]:
     return {name: values[index] for name, values in rows.items()}
 
 
-def one_by_one(task: SweepTask, rows: Mapping[str, Array], index: Rows, result: Measured) -> None:
-    """Measure designs one by one; errors become outcomes."""
+def one_by_one(
+    task: SweepTask, rows: Mapping[str, Array], index: Rows, result: Measured, arcs: Mapping[int, Arc]
+) -> None:
+    """Measure designs one by one, some with a known range of a swinging crank; errors become outcomes."""
     for i in index:
         row = np.array([i])
         try:
             made = task.subject.design_family.make({name: float(values[i]) for name, values in rows.items()})
             solver = made.with_closed_guess()
-            arc = swing_arc(solver)
+            arc = arcs.get(int(i)) or swing_arc(solver)
             values = _solved_alone(task, solver, task.revolution if arc is None else task.within(*arc))
             outcome, reason = ("passed", "") if arc is None else ("swings", swings_between(*arc))
         except MeasureError:
