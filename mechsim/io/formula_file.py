@@ -269,8 +269,9 @@ def description_in(source: TomlSource, formulas: type[ClosedForm]) -> FormulaDes
     # a number, or the table of a parameter of formulas
     row = root()["properties"]["parameters"]["additionalProperties"]
     tables_of_parameters = {"type": "object", "additionalProperties": row["anyOf"][1]}
-    stated = source.document["parameters"]
-    rows = Values(source, "m", "rad", {}).checked(tables_of_parameters, stated, ("parameters",))
+    values = Values(source, "m", "rad", {})
+    rows = values.checked(tables_of_parameters, source.document["parameters"], ("parameters",))
+    values.checked(root()["properties"]["formula"], source.document.get("formula", {}), ("formula",))
     for choice, tables in _tables(source, ("when",)).items():
         if choice not in rows:
             raise source.error(("when", choice), f"is no parameter{suggestion(choice, rows)}")
