@@ -105,6 +105,8 @@ def statics(
 
         if loaded is not None:
             rows = [tuple(map(number, row)) for row in loaded.limit_points]
+            spans = [f"{number(x.min())} to {number(x.max())}" for x in (loaded.load, loaded.displacement)]
+            print_text(f"curve {curve}: loads {spans[0]}, displacements {spans[1]}, {len(rows)} limit points")
             print_table(f"limit points of {curve}", ("load", "displacement"), rows)
         if verdicts:
             print_verdicts(verdicts, verbose=verbose)
