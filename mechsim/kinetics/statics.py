@@ -32,6 +32,8 @@ from mechsim.mechanism.limits import Ranges, require_count
 from mechsim.numerics.arrays import EPS, REVOLUTION, Array, wrapped
 from mechsim.numerics.newton import root
 
+# endings of initial rates: of coordinates, of displacements, of ball joints
+RATES = ("v", "vx", "vy", "vz", "w")
 # default number of starts, reached by random steps along the motion of the mechanism
 STARTS = 20
 # largest number of starts: a four-bar takes some 5 ms for each
@@ -465,7 +467,17 @@ def holding_range(
 def prepared_equations(
     source: Any, forces: Forces | None, initial: Mapping[str, Initial]
 ) -> tuple[EquationsOfMotion, Coordinates]:
-    """Return the equations of motion of a mechanism and its initial configuration."""
+    """Return the equations of motion of a mechanism and its initial configuration.
+
+    Raises:
+        InputError: for an initial rate, which a mechanism at rest does not have.
+    """
+    for name in initial:
+        if name.rpartition(".")[2] in RATES:
+            raise InputError(
+                f"initial rate {name} has no effect, since equilibria and small motions are about rest; "
+                "leave it out, or run the mechanism (mechsim dynamics forward)"
+            )
     model: DynamicModel = source if isinstance(source, DynamicModel) else dynamic_model(source, forces)
     values = initial_values(model, initial)
     limited = dict.fromkeys(getattr(model.solver, "ranges", {}), 0.0)
