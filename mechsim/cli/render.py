@@ -126,7 +126,7 @@ def render(
         stated.exclude(["arrows"], f"as force or moment {free}", {"force", "moment"} & set(look.arrows))
         return _released(source, output, animation, look, release)
     if is_undriven(resting) and picture:
-        stated.exclude([*DRIVEN, "speed", "overlay", "duration"], "on the initial pose of what nothing drives")
+        stated.exclude([*DRIVEN, "speed", "overlay", "duration"], "on the initial pose, which nothing drives")
         look = replace(look, **drawn_as(resting))
         return _written(output, resting, initial_pose(resting.mechanism), look)
     angle = None if animation.angle is None else parse_angle(animation.angle, "the crank angle")
