@@ -32,7 +32,7 @@ from mechsim.mechanism.limits import Ranges, require_count
 from mechsim.numerics.arrays import EPS, REVOLUTION, Array, wrapped
 from mechsim.numerics.newton import root
 
-# endings of initial rates: of coordinates, of displacements, of ball joints
+# components of initial rates of coordinates, displacements and ball joints
 RATES = ("v", "vx", "vy", "vz", "w")
 # default number of starts, reached by random steps along the motion of the mechanism
 STARTS = 20

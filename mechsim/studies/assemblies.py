@@ -11,6 +11,7 @@ from mechsim.kinematics.loops.assemblies import other_assemblies, tracked_positi
 from mechsim.kinematics.loops.motion import driven_path
 from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.mechanism.links import GROUND, IDENTITY, Pose
+from mechsim.mechanism.motion import Motion
 from mechsim.numerics.arrays import Array
 
 if TYPE_CHECKING:
@@ -26,6 +27,7 @@ class Assemblies:
         angle: crank angle in [rad], or path parameter.
         selectors: parameters that select each assembly, such as branch; empty without any.
         points: tracked point -> position, (3,) in [m], of each assembly; the mechanism's own is the first.
+            Without tracked points, joints between moving links locate the assemblies.
         complete: whether there are no others, by the formula or by Assur groups; otherwise random starts
             found them.
         reason: why the list is complete, or why it need not be.
@@ -65,8 +67,7 @@ def assemblies(model: "Model", angle: float, *, searched: bool = True) -> Assemb
         return _assemblies_of(angle, listed, True, reason)
     try:
         # every assembly at the driver positions of the solver's own
-        links = solver.solve_along([angle]).links
-        poses = {name: Pose(link.position[0], link.rotation[0]) for name, link in links.items()}
+        poses = _first_poses(solver.solve_along([angle]))
         groups = group_assemblies(solver.mechanism, {GROUND: IDENTITY, **poses})
     except (InputError, AssemblyError) as error:
         listed, families = all_assembly_points(solver, angle) if searched else ([], ())
@@ -88,10 +89,18 @@ def all_assembly_points(
         candidates: link -> pose of every assembly; None searches from random starts.
     """
     own = solver.assembly_points(angle)
-    links = [solver.whole_motion([angle]).links] if own else []
+    motions = [solver.whole_motion([angle])] if own else []
     path = driven_path(solver.mechanism, solver.motion_laws, solver.change_point)
+    links = [motion.links for motion in motions]
     others, families = other_assemblies(path, angle, solver.ranges, links, candidates)
+    if not solver.mechanism.points:
+        own = [({}, tracked_positions(path, _first_poses(motion))) for motion in motions]
     return own + [({}, tracked_positions(path, poses)) for poses in others], families
+
+
+def _first_poses(motion: Motion) -> dict[str, Pose]:
+    """Return link -> its pose at the first instant of a motion."""
+    return {name: Pose(link.position[0], link.rotation[0]) for name, link in motion.links.items()}
 
 
 def _assemblies_of(

@@ -152,6 +152,7 @@ def _points(compared: Sequence[tuple[str, Vector]], links: Mapping[str, Pose]) -
 
 
 def tracked_positions(path: LoopPath, poses: Mapping[str, Pose]) -> dict[str, Array]:
-    """Return the tracked points of moving links, (3,) in [m]."""
-    points = path.loops.tree.original.points.items()
-    return {name: poses[link].point(local) for name, (link, local) in points if link != GROUND}
+    """Return the tracked points of moving links, or else the joints between them, (3,) in [m]."""
+    mechanism = path.loops.tree.original
+    points = mechanism.points or {joint.name: (joint.a.link, joint.a.point) for joint in mechanism.joints}
+    return {name: poses[link].point(local) for name, (link, local) in points.items() if link != GROUND}
