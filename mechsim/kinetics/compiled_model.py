@@ -43,6 +43,8 @@ FORCES = {
 
 # `motion` of a resistance
 SLIDE, ROTATION, BALL, FIRST_AXIS = range(4)
+# a number other than zero in a text, outside of names
+_NUMBER = re.compile(r"(?<![\w.])(?=[\d.]*[1-9])[\d.]+(?:e[-+]?\d+)?")
 # types of numbers in C -> those of numpy and ctypes
 _NUMBERS: dict[str, tuple[str, Any]] = {"int": ("i4", ctypes.c_int), "double": ("f8", ctypes.c_double)}
 
@@ -95,7 +97,7 @@ class ModelData(ctypes.Structure):
     _fields_ = c_fields("Model")
 
 
-@dataclass
+@dataclass(frozen=True, slots=True)
 class CompiledModel:
     """A dynamic model for the C code.
 
@@ -103,13 +105,13 @@ class CompiledModel:
         data: the structure that the C code reads.
         tables: arrays to which it points.
         library: the compiled code.
-        agreed: whether it gave the same accelerations as numpy.
+        structure: its elements without their numbers.
     """
 
     data: ModelData
     tables: dict[str, np.ndarray[Any, Any]]
     library: ctypes.CDLL
-    agreed: bool = False
+    structure: str
 
 
 def library() -> ctypes.CDLL:
@@ -184,7 +186,14 @@ def compiled_model(equations: EquationsOfMotion) -> CompiledModel:
         torque=torque,
         torque_slope=derivative,
     )
-    return CompiledModel(data, tables, library())
+    return CompiledModel(data, tables, library(), _structure(equations))
+
+
+def _structure(equations: EquationsOfMotion) -> str:
+    """Return the elements of a model, with the same sign for all numbers other than zero."""
+    model = equations.model
+    joints = [(joint.kind, joint.links) for joint in model.mechanism.joints]
+    return _NUMBER.sub("#", repr((joints, model.mechanism.couplings, model.forces, equations.prescribed)))
 
 
 def _require_supported(equations: EquationsOfMotion) -> None:

@@ -19,6 +19,8 @@ from mechsim.numerics.gauss_collocation import STIFF_NODES, TAIL, rule
 FINISHED, FULL, BLOCKED, FAILED = range(4)
 # largest relative difference of the derivatives by C and by numpy: rounding near a singular configuration
 AGREED = 1e-7
+# structures of the models for which C and numpy agreed
+_AGREED = set[str]()
 # index of a component of states, and values in units between which it is watched
 Watched = tuple[int, float, float]
 NOTHING: Watched = (-1, 0.0, 0.0)
@@ -202,14 +204,14 @@ def integrated(
 def agreed_pivot(model: CompiledModel, right: RightHandSide, state: Array, time: float) -> float:
     """Return the smallest pivot of the loop constraints at a state and a time in [s].
 
-    C and numpy are compared once, at rates that move every coordinate: an element that C lacks would
-    otherwise go unnoticed in the result.
+    C and numpy are compared once for each structure, at rates that move every coordinate: an element that C
+    lacks would otherwise go unnoticed in the result.
 
     Raises:
         NotCompiledError: if they disagree.
     """
     equations, layout, times = right.equations, right.layout, np.array([time])
-    if model.agreed:
+    if model.structure in _AGREED:
         return evaluated(model, state[None], times, right.mode).pivot
     q, rates, work, lost = layout.unpack(state)
     fastest = max(1.0, float(np.abs(rates).max()))
@@ -227,9 +229,10 @@ def agreed_pivot(model: CompiledModel, right: RightHandSide, state: Array, time:
         raise NotCompiledError("friction that may not be unique") from None
     expected = layout.derivatives(sample, kinematics, dynamics)[0]
     with np.errstate(invalid="ignore"):  # forces that are not finite are reported by the run
-        model.agreed = bool(np.abs(result.derivatives[0] - expected).max() <= AGREED * np.abs(expected).max())
-    if not model.agreed:
+        agreed = np.abs(result.derivatives[0] - expected).max() <= AGREED * np.abs(expected).max()
+    if not agreed:
         raise NotCompiledError("an element that changes the accelerations at the start")
+    _AGREED.add(model.structure)
     return result.pivot
 
 

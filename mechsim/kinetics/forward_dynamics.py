@@ -390,23 +390,12 @@ class Integration:
         `locked` are the coordinates that stops and sticking frictions hold.
         """
         self.executed, self.passing = "C", True
-        nearest, rank = self.nearest_pivot(), self.equations.rank
-        mode = self.right.mode
+        limits, mode = (self.longest, self.equations.rank, self.nearest_pivot()), self.right.mode
         start = evaluated(model, self.state[None], np.array([self.time]), mode, locked)
         scale = scale_of(self.layout, start, self.fastest, self.duration, self.displacement)
         scale, energy = self._with_energies(scale), self.balance.initial
-        settings = StepSettings(
-            self.tolerance,
-            scale,
-            self.origin,
-            self.longest,
-            rank,
-            nearest,
-            mode,
-            locked,
-            self.implicit,
-            self.watched,
-        )
+        how = self.tolerance, scale, self.origin, *limits
+        settings = StepSettings(*how, mode, locked, self.implicit, self.watched)
         eventful = bool(self.contacts.stops or self.equations.frictions or mode.phases)
         max_steps, length = FEW_STEPS if eventful else SOME_STEPS if self.ends else MANY_STEPS, 0.0
         while self.time < duration:
@@ -450,17 +439,9 @@ class Integration:
         """Return the integrator of smooth motion."""
         # forces over time may be short pulses
         longest = np.inf if self.equations.steady else self.duration / LEAST_STEPS
-        return GaussCollocation(
-            self.right.derivatives,
-            self.time,
-            self.state,
-            duration,
-            self.tolerance,
-            self._scale(),
-            self.origin,
-            longest,
-            self._jacobians if self.implicit else None,
-        )
+        jacobians = self._jacobians if self.implicit else None
+        start = self.time, self.state, duration, self.tolerance, self._scale(), self.origin
+        return GaussCollocation(self.right.derivatives, *start, longest, jacobians)
 
     def _resolving(self) -> float:
         """Return the longest step in [s] that resolves Stribeck's curves."""

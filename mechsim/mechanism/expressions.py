@@ -9,6 +9,7 @@ import operator
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any, Literal, NamedTuple, cast
 
 import numpy as np
@@ -190,6 +191,7 @@ FUNCTIONS: dict[str, Function] = {
 _ALLOWED = f"write it with + - * / ** ( ), pi, {', '.join(FUNCTIONS)}"
 
 
+@lru_cache  # of the same file with other parameters
 def parse_expression(text: str) -> ast.expr:
     """Return the syntax tree of an expression.
 

@@ -1,6 +1,7 @@
 """Branch points of a path: location between nodes, segments through them, and the other branch."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
@@ -36,16 +37,19 @@ def even_change_point(log_determinant: Array) -> int | None:
     Args:
         log_determinant: logarithm of the determinant's magnitude at the nodes, (k,).
     """
-    signs = np.where(
-        np.arange(len(log_determinant)) > np.arange(len(log_determinant) - 1)[:, None], -1.0, 1.0
-    )
     roots = np.exp((log_determinant - log_determinant.max())[:, None] / PAIRS)
-    flipped = interpolation_error((signs.T[:, None] * roots[..., None]).reshape(len(roots), -1))
+    flipped = interpolation_error((_flips(len(roots)) * roots[..., None]).reshape(len(roots), -1))
     for errors, limit in zip(flipped.reshape(len(PAIRS), -1), interpolation_error(roots), strict=True):
         index = int(np.argmin(errors))
         if errors[index] < MAX_ERROR_RATIO * limit:
             return index
     return None
+
+
+@cache
+def _flips(count: int) -> Array:
+    """Return the signs of nodes of which one or more at the end are flipped, (count, 1, count - 1)."""
+    return np.where(np.arange(count)[:, None, None] > np.arange(count - 1), -1.0, 1.0)
 
 
 def change_point_between(path: PathStates[E, Q], segment: Segment[E, Q], a: float, b: float) -> float | None:

@@ -61,7 +61,9 @@ def joint_motions(
 
     The frames of its sides are (3, 3), by default those of the joint, or (3, 3, n) of many designs.
     """
-    a, b = (frame_of(link_or_ground_motion(end.link, links)) for end in (joint.a, joint.b))
+    kind = KINDS[joint.kind]
+    angle_only = kind.hinge and not kind.slides
+    a, b = (frame_of(link_or_ground_motion(end.link, links), angle_only) for end in (joint.a, joint.b))
     count = len(next(iter(links.values())).position)
     return motions_of_joint(joint, joint_coordinates(joint, a, b, sides), count)
 

@@ -337,7 +337,8 @@ def _nearest(mechanism: Mechanism, stated: Mapping[str, float]) -> _Assembly:
     for poses in _initial_guesses(mechanism):
         loops, initial = tree_loops(mechanism, poses, initial_coordinates(mechanism, poses))
         try:
-            assembly = _Assembly(loops, _next_to_stated(loops, closed(loops, initial), stated), stated)
+            q = closed(loops, initial)
+            assembly = _Assembly(loops, _next_to_stated(loops, q, stated), stated)
             # the equations only require parallel axes and references
             for name, column, cosine in axis_cosines(loops, assembly.poses):
                 if cosine[0] < 0.0:
@@ -345,7 +346,7 @@ def _nearest(mechanism: Mechanism, stated: Mapping[str, float]) -> _Assembly:
         except AssemblyError as failure:
             error = error or failure
             continue
-        if assembly.distance < MAX_DISTANCE and _regular(loops, initial):
+        if assembly.distance < MAX_DISTANCE and (q is initial or _regular(loops, initial)):
             return assembly
         candidates.append(assembly)
     poses = guessed_poses(mechanism)

@@ -43,8 +43,8 @@ class LinkFrame:
 
     @property
     def has_rates(self) -> bool:
-        """Whether an axis is a jet."""
-        return any(isinstance(axis, Jet) for axis in self._axes)
+        """Whether an axis is a jet, or the angular velocity known."""
+        return self.spin is not None or any(isinstance(axis, Jet) for axis in self._axes)
 
     @property
     def _axes(self) -> tuple[Any, Any, Any]:
@@ -149,16 +149,23 @@ def motion_of_frame(frame: LinkFrame, n: int) -> LinkMotion:
     )
 
 
-def frame_of(link: LinkMotion) -> LinkFrame:
-    """Return the frame of a link in motion; an axis u has the rates w x u and a x u + w x (w x u)."""
+def frame_of(link: LinkMotion, angle_only: bool) -> LinkFrame:
+    """Return the frame of a link in motion; an axis u has the rates w x u and a x u + w x (w x u).
+
+    For the angle of a hinge only, origin and axes need no rates.
+    """
     spin, change = link.angular_velocity.T, link.angular_acceleration.T
 
-    def axis(i: int) -> Jet:
+    def axis(i: int) -> Values:
         u = link.rotation[..., i].T
+        if angle_only:
+            return u
         rate = array_cross(spin, u)
         return Jet(u, rate, array_cross(change, u) + array_cross(spin, rate))
 
-    origin = Jet(link.position.T, link.velocity.T, link.acceleration.T)
+    origin = link.position.T
+    if not angle_only:
+        origin = Jet(origin, link.velocity.T, link.acceleration.T)
     return LinkFrame(origin, axis(0), axis(1), axis(2), (spin, change))
 
 
