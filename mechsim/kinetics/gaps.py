@@ -67,6 +67,8 @@ def with_gaps(mechanism: Mechanism) -> Mechanism:
             sign = 1.0 if coupling.rope else -1.0
             coupling = replace(coupling, left={**coupling.left_terms, gap: sign}, pressure_angle=None)
         couplings.append(coupling)
+    if not links:
+        return mechanism
     return replace(
         mechanism,
         links=(*mechanism.links, *links),

@@ -163,9 +163,8 @@ def frame_of(link: LinkMotion, angle_only: bool) -> LinkFrame:
         rate = array_cross(spin, u)
         return Jet(u, rate, array_cross(change, u) + array_cross(spin, rate))
 
-    origin = link.position.T
-    if not angle_only:
-        origin = Jet(origin, link.velocity.T, link.acceleration.T)
+    x = link.position.T
+    origin = x if angle_only else Jet(x, link.velocity.T, link.acceleration.T)
     return LinkFrame(origin, axis(0), axis(1), axis(2), (spin, change))
 
 
