@@ -186,13 +186,13 @@ def compiled_model(equations: EquationsOfMotion) -> CompiledModel:
         torque=torque,
         torque_slope=derivative,
     )
-    return CompiledModel(data, tables, library(), _structure(equations))
+    return CompiledModel(data, tables, library(), _structure(equations, tables))
 
 
-def _structure(equations: EquationsOfMotion) -> str:
-    """Return the elements of a model, with the same sign for all numbers other than zero."""
-    model = equations.model
-    joints = [(joint.kind, joint.links) for joint in model.mechanism.joints]
+def _structure(equations: EquationsOfMotion, tables: dict[str, np.ndarray[Any, Any]]) -> str:
+    """Return the elements of a model, and which tables have rows; all numbers but zero are the same sign."""
+    model, rows = equations.model, [len(table) for table in tables.values()]
+    joints = [(joint.kind, joint.links) for joint in model.mechanism.joints], rows
     return _NUMBER.sub("#", repr((joints, model.mechanism.couplings, model.forces, equations.prescribed)))
 
 
