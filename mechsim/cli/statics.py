@@ -76,8 +76,7 @@ def statics(
         # a structure without degrees of freedom has nothing to compare
         if method == "pose" and not equilibrium.singular and len(equilibrium.linear.roots.values)
     }
-    torques = holding(model, initial=state) if state else {}
-    ranges = holding_range(model, initial=state) if state else {}
+    torques, ranges, none = _holding(model, state)
     moved = model.forces.motor or model.forces.actuators or model.forces.controllers
     besides = ", besides the motors and controllers at rest" if moved else ""
     loaded = None if curve is None else _load_curve(model, curve, state)
@@ -92,7 +91,7 @@ def statics(
         else:
             _print_equilibria(mechanism, solutions, assemblies)
         if state and not torques and curve is None:
-            print_text("no driver can hold the initial configuration: none is named, as by inverse --drive")
+            print_text(none)
         for driver, torque in torques.items():
             print_text(
                 f"{number(torque)} {mechanism.effort_unit(driver)} in {driver} hold the initial configuration"
@@ -123,6 +122,19 @@ def statics(
     if loaded is not None:
         data["curve"] = files.attributes(loaded, "load", "displacement", "stable", "limit_points")
     return _with_masses(model, Result(data, text, agreed), verbose)
+
+
+def _holding(
+    model: DynamicModel, state: Mapping[str, Initial]
+) -> tuple[dict[str, float], dict[str, tuple[float, float]], str]:
+    """Return the forces that hold a stated configuration, their ranges, and why there are none."""
+    try:
+        torques = holding(model, initial=state) if state else {}
+        ranges = holding_range(model, initial=state) if state else {}
+    except InputError as error:
+        return {}, {}, str(error)
+    none = "no driver can hold the initial configuration: none is named, as by inverse --drive"
+    return torques, ranges, none
 
 
 def _with_masses(model: DynamicModel, result: Result, verbose: bool | None = None) -> Result:

@@ -17,7 +17,13 @@ from mechsim.kinetics.dynamic_run import Initial, initial_values, require_regula
 from mechsim.kinetics.equations_of_motion import EquationsOfMotion, equations_of_motion
 from mechsim.kinetics.equilibrium_search import RestingState, all_at_rest, distinct, newton_equilibria, same
 from mechsim.kinetics.initial_state import initial_state, projected
-from mechsim.kinetics.linearization import LinearModel, Mode, independent_rates, linear_model
+from mechsim.kinetics.linearization import (
+    LinearModel,
+    Mode,
+    independent_rates,
+    linear_model,
+    reduced_forces,
+)
 from mechsim.kinetics.model import DynamicModel, dynamic_model
 from mechsim.kinetics.passive_rotation import with_determined_motion
 from mechsim.kinetics.state_quantities import (
@@ -46,6 +52,9 @@ STOP_SETS = 60
 RANDOM_STEP = 0.7
 # rate of a driver that gives an impending motion its direction, in [rad/s] or [m/s]: its square is rounding
 IMPENDING = 1e-10
+# rate of drivers, relative to that of all coordinates, at a dead centre: loops close to 1e-14, and so
+# determine a configuration there to 1e-7
+DEAD_CENTRE = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -414,9 +423,25 @@ def holding(
     """Return the drive force of each driver that holds the initial configuration at rest, in [N m] or [N].
 
     For redundant drivers it is the minimum-norm solution.
+
+    Raises:
+        InputError: at a dead centre at which forces move the mechanism whatever the drivers' force.
     """
     equations, q = prepared_equations(source, forces, initial or {})
-    return _holding_forces(equations, q, equations.model.mechanism.drivers)
+    drivers, index_of = equations.model.mechanism.drivers, equations.loops.tree.index_of
+    basis, driven = (
+        independent_rates(equations, q),
+        np.isin(equations.free, [index_of[name] for name in drivers]),
+    )
+    _, rates, directions = np.linalg.svd(basis[driven], full_matrices=False)
+    still = directions[rates < DEAD_CENTRE]
+    along = reduced_forces(equations, q, basis[None]) if len(still) else None
+    if along is not None and (np.abs(still @ along.force[0]) > along.rounding).any():
+        raise InputError(
+            f"{equations.model.mechanism.name}: no force in {', '.join(drivers)} holds the initial "
+            "configuration, a dead centre; give another one"
+        )
+    return _holding_forces(equations, q, drivers)
 
 
 def holding_range(
