@@ -141,11 +141,18 @@ class LoadOptions:
         )
 
     def dynamic_model(self, solver: KinematicSolver) -> DynamicModel:
-        """Return the dynamic model of a mechanism; note effects of its MJCF file that the model omits."""
+        """Return the dynamic model of a mechanism; note effects that it omits."""
         read = solver.source
         if read is not None and read.left_out:
             notes.append(f"{solver.name}: left out of the dynamics: {', '.join(read.left_out)}")
-        return dynamic_model(solver, self.forces(solver))
+        forces = self.forces(solver)
+        by_load = {each.joint for each in forces.friction if each.coefficient and not each.bearing_length}
+        slides = [joint.name for joint in solver.mechanism.joints if joint.kind == "prismatic"]
+        if by_load := [name for name in slides if name in by_load]:
+            notes.append(
+                f"friction of {', '.join(by_load)}: without bearing_length, bending moments cause none"
+            )
+        return dynamic_model(solver, forces)
 
 
 def masses_in_json(masses: Sequence[LinkMass]) -> dict[str, Any]:
