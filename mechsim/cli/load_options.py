@@ -16,6 +16,7 @@ from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.kinetics import DynamicModel, dynamic_model
 from mechsim.mechanism import motors
 from mechsim.mechanism.forces import Couple, Forces, Load, forces_of
+from mechsim.mechanism.joint_kinds import KINDS
 from mechsim.mechanism.load_profile import Over, table
 from mechsim.mechanism.masses import LinkMass, summary
 from mechsim.mechanism.motors import Controller, Geared, Motor, PlainMotor
@@ -147,7 +148,7 @@ class LoadOptions:
             notes.append(f"{solver.name}: left out of the dynamics: {', '.join(read.left_out)}")
         forces = self.forces(solver)
         by_load = {each.joint for each in forces.friction if each.coefficient and not each.bearing_length}
-        slides = [joint.name for joint in solver.mechanism.joints if joint.kind == "prismatic"]
+        slides = [joint.name for joint in solver.mechanism.joints if KINDS[joint.kind].units == ("m",)]
         if by_load := [name for name in slides if name in by_load]:
             notes.append(
                 f"friction of {', '.join(by_load)}: without bearing_length, bending moments cause none"

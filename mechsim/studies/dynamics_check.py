@@ -121,11 +121,12 @@ def _of_instants(solved: InverseDynamics, model: DynamicModel, motion: Motion) -
 def compared_segments(run: DynamicRun) -> tuple[RunSegment, ...]:
     """Return the segments of a run that are compared with MuJoCo.
 
-    They are the longest without contacts, which are soft in MuJoCo; none if the mechanism never moves.
+    They are the longest without contacts, which are soft in MuJoCo; none if the mechanism never moves, or the
+    run ends at its start.
     """
     rates = [joint.rate for joint in run.motion.joints.values()]
     rates += [link.angular_velocity for link in run.motion.links.values()]
-    moves = any(np.abs(rate).max() > REST for rate in rates)
+    moves = run.time[-1] > 0.0 and any(np.abs(rate).max() > REST for rate in rates)
     free = [each for each in run.segments if not each.touching and _instants(run, each).sum() > 1]
     longest = sorted(free if moves else (), key=lambda segment: segment.first - segment.last)[:MAX_SEGMENTS]
     return tuple(sorted(longest, key=lambda segment: segment.first))
