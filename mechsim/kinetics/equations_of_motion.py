@@ -459,15 +459,15 @@ class EquationsOfMotion:
     def rotors(self) -> Array:
         """Inertia of rotors and the flywheel, which depends on no coordinate, (free, free) in units."""
         forces, units = self.model.forces, self.loops.units[self.free]
-        rows = [({name: 1.0}, inertia) for name, inertia in forces.armature.items()]
+        turning = forces.armature.items()
+        if self.crank is not None:
+            turning = [*turning, (self.model.mechanism.crank.name, forces.flywheel)]
+        rows = [({name: 1.0}, inertia) for name, inertia in turning]
         rows += [(actuator.gear, actuator.inertia) for actuator in forces.actuators]
         total = np.zeros((len(units), len(units)))
         for gear, inertia in rows:
             along = self.loops.tree.coupled(gear)[self.free] * units
             total += inertia * np.outer(along, along)
-        if self.crank is not None:
-            column = int(np.searchsorted(self.free, self.crank))
-            total[column, column] += forces.flywheel
         return total
 
     @cached_property
