@@ -110,12 +110,11 @@ def simulate(
         return run_under_controls(controlled, plain, options.tolerance_in_metres, options.samples, output)
     stated.exclude(OF_STEPS, "with --method pose, which takes no steps", options.method == "pose")
     solver = with_policy(source.load(), change_point)
-    model_scene = Scene(level="motion", forces=solver.forces)
     motion = _motion(solver, options, stated)
     if motion is None:
-        run, laws = _poses(solver, options, model_scene), None
+        run, laws = _poses(solver, options), None
     else:
-        run = _run(solver, motion, options, settings, model_scene)
+        run = _run(solver, motion, options, settings)
         laws = None if solver.motion_laws.crank else solver.motion_laws
         if solver.source is not None and laws is None:
             # the motion of the crank of an MJCF file as a motion law
@@ -168,11 +167,7 @@ def _motion(solver: KinematicSolver, options: RunOptions, stated: Stated) -> Cra
 
 
 def _run(
-    solver: KinematicSolver,
-    motion: CrankProfile,
-    options: RunOptions,
-    settings: Mapping[str, Any],
-    scene: Scene,
+    solver: KinematicSolver, motion: CrankProfile, options: RunOptions, settings: Mapping[str, Any]
 ) -> Run:
     """Run a mechanism along its motion."""
     tolerance, timestep = options.tolerance_in_metres, None
@@ -191,18 +186,18 @@ def _run(
             timestep=timestep,
             method=options.method,  # pyright: ignore[reportArgumentType]
             samples=None if options.samples is None else options.samples - 1,
-            scene=scene,
+            scene=Scene(level="motion", forces=solver.forces),
             progress=report,
         )
 
 
-def _poses(solver: KinematicSolver, options: RunOptions, scene: Scene) -> Run:
+def _poses(solver: KinematicSolver, options: RunOptions) -> Run:
     """Solve the poses at rows of driver coordinates."""
     if options.method == "step":
         raise InputError("--at solves poses; leave out --method step")
     assert options.poses is not None
     rows = driver_path(solver, files.read_in_si(options.poses), options.poses, uniform=True)
-    last = max(round(rows.motion_laws.duration), 1)
+    last, scene = max(round(rows.motion_laws.duration), 1), Scene(level="motion", forces=solver.forces)
     run = run_in_mujoco(solver, motion_laws=rows.motion_laws, method="pose", samples=last, scene=scene)
     return replace(run, motion=select_instants(run.motion, rows.times.astype(np.intp)), steps=len(rows.times))
 

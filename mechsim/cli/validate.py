@@ -27,7 +27,7 @@ from mechsim.io.scene_findings import scene_findings
 from mechsim.kinematics.designs import DesignFamily
 from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.numerics.arrays import REVOLUTION
-from mechsim.studies.agreement.agreement import Agreement, compare_model
+from mechsim.studies.agreement.agreement import compare_model
 from mechsim.studies.validate import BUDGET, Validation, validate_all
 from mechsim.units import crank_speed, option
 
@@ -161,24 +161,12 @@ def _validate(
     quick = () if models or chosen.whole_gallery else list(gallery.files())
     with output_folder(chosen.dossier) as dossiers:
         result, cases = _validated(designs, chosen, quick, folder, as_json=as_json)
-        for (name, case), model in zip(cases.items(), names, strict=True):
-            _write_dossier(dossiers, chosen, name, model, designs[name], case)
+        if dossiers is not None:
+            from mechsim.report.dossier import write_dossier
+
+            for (name, case), model in zip(cases.items(), names, strict=True):
+                write_dossier(dossiers, str(chosen.dossier), name, model, designs[name], case)
     return result
-
-
-def _write_dossier(
-    folder: Path | None,
-    chosen: ValidateOptions,
-    name: str,
-    model: str,
-    design: DesignFamily,
-    record: Validation | Agreement,
-) -> None:
-    """Write the dossier of a model into a folder if there is one."""
-    if folder is not None:
-        from mechsim.report.dossier import write_dossier
-
-        write_dossier(folder, chosen.dossier or "", name, model, design, record)
 
 
 def _require_crank(stated: Stated, solvers: Iterable[KinematicSolver]) -> None:
@@ -280,8 +268,11 @@ def _against(model: str, design: DesignFamily, chosen: ValidateOptions, folder: 
         print_stderr(f"mechsim: runs {source.rpartition(':')[0] or source} (a formula is Python code)")
     with output_folder(chosen.dossier) as dossiers:
         agreement = compare_model(design, source, speed=crank_speed(chosen.speed), tolerance=tolerance)
-        _write_dossier(dossiers, chosen, agreement.solver.name, model, design, agreement)
-    name, findings = agreement.solver.name, scene_findings(agreement.solver) or ()
+        name, findings = agreement.solver.name, scene_findings(agreement.solver) or ()
+        if dossiers is not None:
+            from mechsim.report.dossier import write_dossier
+
+            write_dossier(dossiers, str(chosen.dossier), name, model, design, agreement)
     entry = agreement.as_dict() | findings_in_json((*findings, *agreement.findings))
     data: dict[str, Any] = {"passed": agreement.passed, "mechanisms": {name: entry}}
     if folder is not None:

@@ -75,7 +75,7 @@ def initial_state(equations: EquationsOfMotion, values: InitialValues) -> tuple[
         for column in (value, rate)
     )
     q = _moved(equations, {**values.coordinates, **first}, values.rotations)
-    return q, _rates(equations, q, {**values.rates, **first_rates}, values.spins)
+    return q, _rates(equations, q, replace(values, rates={**values.rates, **first_rates}))
 
 
 def projected(
@@ -234,14 +234,9 @@ def _require_closed(
         )
 
 
-def _rates(
-    equations: EquationsOfMotion,
-    q: Coordinates,
-    rates: Mapping[str, float | Array],
-    spins: Mapping[str, Array],
-) -> Array:
+def _rates(equations: EquationsOfMotion, q: Coordinates, values: InitialValues) -> Array:
     """Return rates in units, (count, n), with requested ones; independent coordinates without one rest."""
-    loops, free = equations.loops, equations.free
+    loops, free, rates, spins = equations.loops, equations.free, values.rates, values.spins
     indices = [_index(equations, name) for name in rates]
     balls = [_ball_index(equations, name)[0] for name in spins]
     indices += [index for first in balls for index in range(first, first + 3)]

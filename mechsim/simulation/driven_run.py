@@ -394,7 +394,7 @@ def solved_run(
         )
     states = States(time, away, loop_jacobian.tangent(loops, jacobian) * speed[:, None], acceleration)
     motion = evaluate(loops, track, states, "pose", progress)
-    motion = interpolated_motion(motion, loops, track, qpos, near_rows, (speed, acceleration))
+    motion = interpolated_motion(motion, closed, qpos, near_rows, (speed, acceleration))
     assert motion.closure is not None
     estimate = float(motion.closure.max(initial=0.0))
     tolerance = default_tolerance(closed, motion) if tolerance is None else tolerance

@@ -26,6 +26,8 @@ STEPS_PER_CALL = 4096
 BYTES_PER_STEP = 64.0
 # default number of records per revolution
 SAMPLES = 72
+# closed state and rates at time zero, (nq,) and (nv,)
+Start = tuple[Array, Array]
 TIME = int(mujoco.mjtState.mjSTATE_TIME)
 CONTROL = int(mujoco.mjtState.mjSTATE_CTRL) | int(mujoco.mjtState.mjSTATE_QFRC_APPLIED)
 
@@ -81,7 +83,7 @@ def step(
     loops: ModelLoops,
     settings: Settings,
     profile: CrankProfile,
-    start: tuple[Array, Array],
+    start: Start,
     total: int,
     interval: int,
     controls: Array | None = None,
@@ -141,10 +143,11 @@ def step(
             control[0][:, loops.model.nu + moved] = torque[steps]
         return control
 
-    stepping = timestep, start, total, interval, inputs, progress
-    run = (
-        _renewed_rollout(loops, *stepping) if renewed else rollout(batch.Batch(loops.model, 1, 1), *stepping)
-    )
+    stepping = start, total, interval, inputs, progress
+    if renewed:
+        run = _renewed_rollout(loops, *stepping)
+    else:
+        run = rollout(batch.Batch(loops.model, 1, 1), timestep, *stepping)
     force = None if torque is None else torque[np.minimum(run.numbers, total - 1)]
     if force is not None and len(moved) == 1 and loops.drivers.crank:
         force = force[:, 0]
@@ -158,7 +161,7 @@ Inputs = Callable[[slice], Array | None]
 def rollout(
     sims: batch.Batch,
     timestep: float,
-    start: tuple[Array, Array],
+    start: Start,
     total: int,
     interval: int,
     controls: Inputs,
@@ -202,13 +205,7 @@ def rollout(
 
 
 def _renewed_rollout(
-    loops: ModelLoops,
-    timestep: float,
-    start: tuple[Array, Array],
-    total: int,
-    interval: int,
-    controls: Inputs,
-    progress: Progress,
+    loops: ModelLoops, start: Start, total: int, interval: int, controls: Inputs, progress: Progress
 ) -> Steps:
     """Step a model with the velocity-product terms of its rods and couplings, which MuJoCo omits.
 
@@ -221,6 +218,7 @@ def _renewed_rollout(
     from mechsim.simulation.velocity_products import velocity_products
 
     model, data = loops.model, mujoco.MjData(loops.model)
+    timestep = float(model.opt.timestep)
     data.qpos[:], data.qvel[:] = start
     records, seconds, processor, diverged = [(0, *start)], perf_counter(), thread_time(), False
     with velocity_products(loops, data) as expand:

@@ -82,8 +82,7 @@ class TracedMotion:
         """Return a motion as a record, without conditioning if the mechanism has other numbers."""
         instants, laws, conditioning = self.instants, self.solver.motion_laws, None
         described = self.path.loops.tree.original if mechanism is None else mechanism
-        rates = instants.parameter, instants.speed, instants.acceleration
-        record = motion_record(self.path, moved, *rates, described)
+        record = motion_record(self.path, moved, instants, described)
         if mechanism is None:
             conditioning = record.conditioning
         time = laws.time(instants.parameter)

@@ -290,10 +290,8 @@ def many_motion(
         for subset in followed(path, (angles.max(), angles.min())):
             for rows in _stored(subset, instants, motion):
                 solved[rows] = True
-    angle, rate, second = (
-        np.tile(values, count) for values in (angles, instants.speed, instants.acceleration)
-    )
-    return design_record(like, started.arrays, motion, angle, rate, second, joints), solved
+    crank = [np.tile(values, count) for values in (angles, instants.speed, instants.acceleration)]
+    return design_record(like, started.arrays, motion, crank, joints), solved
 
 
 def _paths_from_start(like: SharedLoops, started: StartedDesigns) -> Iterator[DesignPaths]:
@@ -343,17 +341,14 @@ def store(motion: LoopMotion, index: Rows, subset: LoopMotion) -> None:
 
 
 def design_record(
-    like: SharedLoops,
-    arrays: DesignArrays,
-    motion: LoopMotion,
-    angle: Array,
-    speed: Array,
-    acceleration: Array,
-    joints: Sequence[str],
+    like: SharedLoops, arrays: DesignArrays, motion: LoopMotion, crank: Sequence[Array], joints: Sequence[str]
 ) -> Motion:
-    """Return the motion of d designs as a record, at as many instants of each, one design after another."""
+    """Return the motion of d designs as a record, at as many instants of each, one design after another.
+
+    The crank has its angle, speed and acceleration at these instants, (n,) each.
+    """
     tree = like.solver.loops.tree
-    mechanism, repeat = tree.mechanism, len(angle) // arrays.count
+    mechanism, repeat = tree.mechanism, len(crank[0]) // arrays.count
     links = {name: motion.link(i) for name, i in tree.links.items()}
     points = {
         name: point_on(links[link], np.repeat(arrays.points[name].T, repeat, 0))
@@ -370,4 +365,5 @@ def design_record(
         _, frame_a, _, frame_b = arrays.ends[name]
         sides = np.repeat(frame_a, repeat, -1), np.repeat(frame_b, repeat, -1)
         coordinates |= joint_motions(mechanism.joint(name), links, sides)
+    angle, speed, acceleration = crank
     return Motion("loop equations", angle, speed, acceleration, points, links, coordinates)

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from mechsim.errors import InputError
 from mechsim.kinematics.vector_method.rotations import dot, skew
 from mechsim.mechanism.joint_kinds import COLUMN, KINDS
-from mechsim.mechanism.joints import Coupling, End, Joint, joint_coordinate
+from mechsim.mechanism.joints import End, Joint, joint_coordinate
 from mechsim.mechanism.links import GROUND, Pose
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.numerics.arrays import Array, cross, wrapped
@@ -268,7 +268,23 @@ def equations(
         return np.asarray(target) + wrapped(current - np.asarray(target))
 
     for law in mechanism.laws:
-        _add_law(stack, mechanism, law, multi_turn_value, motion)
+        # left - zeros[0] - p(right - zeros[1]) = 0; its velocity-product term is -p'' times the square of the
+        # rate of the right side
+        left, right = (
+            sum((weight * multi_turn_value(name) for name, weight in terms.items()), np.zeros(n))
+            for terms in (law.left_terms, law.right_terms)
+        )
+        current, derivative, second_derivative = law.polynomial(right)
+        residual = left - law.zeros[0] - current
+        angular = all(mechanism.unit(name) == "rad" for name in law.left_terms)
+        left_terms = [(np.full(n, weight), motion(name)) for name, weight in law.left_terms.items()]
+        right_terms = [(-weight * derivative, motion(name)) for name, weight in law.right_terms.items()]
+        rate = sum((weight * motion(name).rate for name, weight in law.right_terms.items()), np.zeros(n))
+        stack.weighted(
+            wrapped(residual) if angular else residual,
+            -second_derivative * rate**2,
+            [*left_terms, *right_terms],
+        )
     for name, target in (*mechanism.locked.items(), *prescribed.items()):
         gap = np.zeros(n) if target is None else value(name) - np.asarray(target)
         stack.weighted(
@@ -305,34 +321,6 @@ def _prescribed(mechanism: Mechanism, angle: Angles) -> dict[str, ArrayLike | No
     if isinstance(angle, Mapping):
         return {name: angle[name] for name in mechanism.drivers}
     return dict.fromkeys(mechanism.drivers, angle if mechanism.has_crank else None)
-
-
-def _add_law(
-    stack: Stack,
-    mechanism: Mechanism,
-    law: Coupling,
-    value: Callable[[str], Array],
-    motion: Callable[[str], CoordinateMotion],
-) -> None:
-    """Add the equation of a coupling, left - zeros[0] - p(right - zeros[1]) = 0.
-
-    Its velocity-product term is -p'' times the square of the rate of the right side.
-    """
-    left, right = (
-        sum((weight * value(name) for name, weight in terms.items()), np.zeros(stack.shape[1]))
-        for terms in (law.left_terms, law.right_terms)
-    )
-    current, derivative, second_derivative = law.polynomial(right)
-    residual = left - law.zeros[0] - current
-    angular = all(mechanism.unit(name) == "rad" for name in law.left_terms)
-    left_terms = [(np.full(stack.shape[1], weight), motion(name)) for name, weight in law.left_terms.items()]
-    right_terms = [(-weight * derivative, motion(name)) for name, weight in law.right_terms.items()]
-    rate = sum(
-        (weight * motion(name).rate for name, weight in law.right_terms.items()), np.zeros(stack.shape[1])
-    )
-    stack.weighted(
-        wrapped(residual) if angular else residual, -second_derivative * rate**2, [*left_terms, *right_terms]
-    )
 
 
 def length_rows(mechanism: Mechanism, count: int) -> NDArray[np.bool_]:

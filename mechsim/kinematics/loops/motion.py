@@ -198,12 +198,7 @@ def spinning_links(solver: TreeSolver) -> frozenset[str]:
 
 
 def motion_record(
-    path: LoopPath,
-    motion: LoopMotion,
-    angle: Array,
-    speed: Array,
-    acceleration: Array,
-    dimensions: Mechanism | None = None,
+    path: LoopPath, motion: LoopMotion, instants: Instants, dimensions: Mechanism | None = None
 ) -> Motion:
     """Return the motion of points, links and joints as a record; the angle is the path parameter.
 
@@ -215,9 +210,9 @@ def motion_record(
     coordinates = motion.values.T, motion.rates.T, motion.second.T
     return Motion(
         source="loop equations",
-        angle=angle,
-        speed=speed,
-        acceleration=acceleration,
+        angle=instants.parameter,
+        speed=instants.speed,
+        acceleration=instants.acceleration,
         points=tracked_points(mechanism, links),
         links=links,
         joints=tree_joint_motions(tree, mechanism.joints, links, coordinates),
@@ -299,7 +294,7 @@ def solve_prescribed(path: LoopPath, motion_laws: MotionLaws, instants: Instants
         AssemblyError: as `solve_along`.
     """
     path, motion = _motion_at(path, with_locked_values(path.loops, instants), motion_laws)
-    record = motion_record(path, motion, instants.parameter, instants.speed, instants.acceleration)
+    record = motion_record(path, motion, instants)
     return replace(record, time=motion_laws.time(instants.parameter), drivers=motion_laws.drivers)
 
 

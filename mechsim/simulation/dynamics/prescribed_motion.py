@@ -119,9 +119,7 @@ def _solved(loaded: LoadedModel, profile: CrankProfile, samples: int | None, pro
     seconds = timer.perf_counter() - begin
     states = replace(posed.states, crank_acceleration=acceleration)
     motion = evaluate(loaded.loops, loaded.track, states, "pose")
-    motion = interpolated_motion(
-        motion, loaded.loops, loaded.track, posed.qpos, posed.change_points, (speed, acceleration)
-    )
+    motion = interpolated_motion(motion, loaded, posed.qpos, posed.change_points, (speed, acceleration))
     return Driven(
         motion=motion,
         forces=posed.forces,

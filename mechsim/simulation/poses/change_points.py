@@ -11,8 +11,9 @@ from mechsim.mechanism.motion import Motion, replace_instants, weighted_sums
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.rank import least_norm
 from mechsim.simulation import loop_jacobian
+from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.model_loops import ModelLoops
-from mechsim.simulation.recording import States, Track, evaluate
+from mechsim.simulation.recording import States, evaluate
 
 # singular values below this fraction of the largest belong to unconstrained directions in the neighbourhood
 CONSTRAINED_FRACTION = 0.05
@@ -71,29 +72,23 @@ def moved_away(states: Array, near_rows: NearRows) -> Array:
 
 
 def interpolated_motion(
-    motion: Motion,
-    loops: ModelLoops,
-    track: Track,
-    qpos: Array,
-    near_rows: NearRows,
-    rates: tuple[Array, Array],
+    motion: Motion, closed: ClosedModel, qpos: Array, near_rows: NearRows, rates: tuple[Array, Array]
 ) -> Motion:
     """Return a motion whose rows close to change points are interpolated from the motion around these.
 
     Args:
         motion: at states from `moved_away`.
-        loops: of the model.
-        track: recorded points, links and coordinates.
+        closed: the model.
         qpos: states of all rows, (n, nq).
         near_rows: rows close to change points.
         rates: the crank's speed and acceleration at all rows, (n,) each.
     """
     if not near_rows:
         return motion
-    cranks, closure, conditioning = np.stack(rates, 1), motion.closure, motion.conditioning
-    assert closure is not None
-    assert conditioning is not None
-    closure, conditioning, time = closure.copy(), conditioning.copy(), motion.time
+    assert motion.closure is not None
+    assert motion.conditioning is not None
+    closure, conditioning, time = motion.closure.copy(), motion.conditioning.copy(), motion.time
+    loops, track, cranks = closed.loops, closed.track, np.stack(rates, 1)
     for change_point, rows, reduced in near_rows:
         count = len(change_point.states)
         tangent = loop_jacobian.tangent(loops, loops.linearise(change_point.states)[1])
