@@ -113,15 +113,22 @@ def crank_angles(name: str, angles: ArrayLike) -> Array:
     return _finite_list(f"{name}: crank angles", angles, "; give angles in [rad]")
 
 
-def crank_rate(name: str, what: str, value: ArrayLike, count: int) -> Array:
-    """Return a rate of the crank, scalar or (n,) in SI, at n instants.
+def crank_motion(
+    name: str, angles: ArrayLike, speed: ArrayLike, acceleration: ArrayLike
+) -> tuple[Array, Array, Array]:
+    """Return crank angles as `crank_angles`, and speeds and accelerations, scalar or (n,) in SI, (n,) each.
 
     Raises:
-        InputError: if it is not finite, or of another length.
+        InputError: if a rate is not finite, or of another length.
     """
-    rate = numbers(value)
-    if rate.shape not in ((), (1,), (count,)) or not (np.abs(rate) < HUGE).all():
-        raise InputError(
-            f"{name}: the crank's {what} must be finite; give one number, or {count}, below {HUGE:g} in SI"
-        )
-    return np.broadcast_to(rate, (count,))
+    angles = crank_angles(name, angles)
+    count, rates = len(angles), list[Array]()
+    for what, value in (("speed", speed), ("acceleration", acceleration)):
+        rate = numbers(value)
+        if rate.shape not in ((), (1,), (count,)) or not (np.abs(rate) < HUGE).all():
+            raise InputError(
+                f"{name}: the crank's {what} must be finite; give one number, or {count}, below {HUGE:g} in "
+                "SI"
+            )
+        rates.append(np.broadcast_to(rate, (count,)))
+    return angles, rates[0], rates[1]

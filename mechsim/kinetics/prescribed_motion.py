@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mechsim.errors import InputError
-from mechsim.kinematics.path_instants import PathInstants, path_instants
+from mechsim.kinematics.path_instants import PathInstants, crank_motion, path_instants
 from mechsim.kinetics.applied_forces import STILL, Dry, add_couple, add_joint_forces, applied, loads
 from mechsim.kinetics.load_friction import with_load_friction
 from mechsim.kinetics.model import DynamicModel
@@ -164,15 +164,13 @@ def prescribed_along(
     `motion_laws.rate`. Reactions are those under actuators, joint coordinate -> torque or force (n,),
     to which the drivers add what is missing.
     """
-    angle = np.atleast_1d(np.asarray(parameter, dtype=np.float64))
-    if angle.size:
-        model = model.starting_at(angle, float(np.ravel(rate)[0]))
+    angle, w, e = crank_motion(model.mechanism.name, parameter, rate, second)
+    model = model.starting_at(angle, float(w[0]))
     time = model.solver.motion_laws.time(angle) if time is None else time
     n, joints = len(angle), len(model.mechanism.joints)
     batch = min(BATCH_SIZE, -(-BATCH_LINKS // len(model.mechanism.links)))
     each = COPIES * (NUMBERS_PER_INSTANT + NUMBERS_PER_JOINT * joints)
     require_memory(f"inverse dynamics of {n:,} instants", n, each, FEWER)
-    w, e = _rate("speed", rate, angle), _rate("acceleration", second, angle)
     times = None if time is None else np.broadcast_to(np.asarray(time, dtype=np.float64), angle.shape)
     if times is None and np.ptp(w) == 0.0 and w[0] != 0.0 and not e.any():
         times = angle / w
@@ -343,13 +341,3 @@ def _joined(chunks: Sequence[InverseDynamics]) -> InverseDynamics:
         shaking_force=np.concatenate([chunk.shaking_force for chunk in chunks]),
         shaking_moment=np.concatenate([chunk.shaking_moment for chunk in chunks]),
     )
-
-
-def _rate(what: str, value: ArrayLike, angle: Array) -> Array:
-    try:
-        rate = np.broadcast_to(np.asarray(value, dtype=np.float64), angle.shape)
-    except ValueError:
-        rate = np.full(angle.shape, np.nan)
-    if not np.isfinite(rate).all():
-        raise InputError(f"crank {what} must be one finite number or {len(angle)} of them; give SI units")
-    return rate

@@ -113,16 +113,7 @@ def constant(speed: float, turns: float, start: float = 0.0) -> CrankProfile:
     if not MIN_TURNS <= number(turns) < np.inf:
         raise InputError(f"{turns} turns requested; give a finite number above 0, {MIN_TURNS:g} at least")
 
-    return _uniform(speed, turns * REVOLUTION / abs(speed), start)
-
-
-def _uniform(speed: float, duration: float, start: float = 0.0) -> CrankProfile:
-    """Return a crank that turns at constant speed for a duration in [s]."""
-
-    def state(time: Array) -> tuple[Array, Array, Array]:
-        return start + speed * time, np.full_like(time, speed), np.zeros_like(time)
-
-    return CrankProfile(duration, abs(speed), state, steady=True)
+    return CrankProfile(turns * REVOLUTION / abs(speed), abs(speed), Steady(start, speed), steady=True)
 
 
 def swing(middle: float, reach: float, fastest: float) -> CrankProfile:
@@ -297,7 +288,7 @@ class MotionLaws:
     @property
     def path_profile(self) -> CrankProfile:
         """The path parameter as a function of time."""
-        return _uniform(self.rate, self.duration)
+        return CrankProfile(self.duration, self.rate, Steady(0.0, self.rate), steady=True)
 
     def state(self, time: Array) -> tuple[Array, Array, Array]:
         """Return values, rates and accelerations of the drivers at times (n,) in [s], (drivers, n) each."""

@@ -27,7 +27,7 @@ from mechsim.kinematics.loops.path import (
     with_rates,
 )
 from mechsim.kinematics.loops.tree import SpanningTree
-from mechsim.kinematics.path_instants import crank_angles, crank_rate
+from mechsim.kinematics.path_instants import crank_motion
 from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.mechanism.link_poses import split_joints
 from mechsim.mechanism.mechanism import Mechanism
@@ -208,11 +208,7 @@ def followed_motion(
     Raises:
         AssemblyError: where the loops do not close, or at a change point.
     """
-    angle = crank_angles(solver.name, angles)
-    rates = [
-        crank_rate(solver.name, what, value, len(angle))
-        for what, value in (("speed", speed), ("acceleration", acceleration))
-    ]
+    angle, *rates = crank_motion(solver.name, angles, speed, acceleration)
     motion_laws = solver.motion_laws
     path = driven_path(solver.mechanism, motion_laws, solver.change_point)
     if motion_laws.crank:

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from mechsim.errors import AssemblyError
 from mechsim.kinematics.formulas.parameters import FormulaParameter, assembled_values, components
-from mechsim.kinematics.path_instants import crank_angles, crank_rate
+from mechsim.kinematics.path_instants import crank_angles, crank_motion
 from mechsim.kinematics.vector_method import link_frames
 from mechsim.kinematics.vector_method.link_frames import GROUND_FRAME, LinkFrame
 from mechsim.mechanism.links import GROUND, Pose
@@ -299,9 +299,7 @@ class ClosedForm(ABC):
         Accuracy: loops close to 8 ulp of the longest link. Rates are exact derivatives of the formula of
             the pose; their relative error is a few ulp divided by the sine of the transmission angle.
         """
-        angles = crank_angles(self.name, parameter)
-        speed = crank_rate(self.name, "speed", rate, len(angles))
-        crank = Jet(angles, speed, crank_rate(self.name, "acceleration", second, len(angles)))
+        crank = Jet(*crank_motion(self.name, parameter, rate, second))
         motion = self._in_chunks(crank, links=links)
         self.check_finite(motion)
         return motion

@@ -17,7 +17,7 @@ from mechsim.kinematics.loops.mobility import checked_start
 from mechsim.kinematics.loops.path import Instants, LoopMotion, LoopPath, loop_motion
 from mechsim.kinematics.loops.record import tracked_points, tree_joint_motions
 from mechsim.kinematics.loops.start import ASSEMBLY, CLOSED, close_nearest, with_locked
-from mechsim.kinematics.path_instants import crank_angles, crank_rate
+from mechsim.kinematics.path_instants import crank_angles, crank_motion
 from mechsim.mechanism.joint_kinds import antiparallel_message
 from mechsim.mechanism.links import Pose
 from mechsim.mechanism.mechanism import Mechanism, described, starting_at
@@ -65,10 +65,9 @@ def solve(
         change point 1e-12.
     """
     name, speed = described(mechanism).name, units.si(speed, "rad/s", "the crank's speed")
-    crank_angle = crank_angles(name, angles)
-    rate = crank_rate(name, "speed", speed, len(crank_angle))
-    mechanism = described(starting_at(mechanism, crank_angle, float(rate[0])))
-    return solve_along(driven_path(mechanism, CRANK, change_point), crank_angle, rate, acceleration)
+    crank = crank_motion(name, angles, speed, acceleration)
+    mechanism = described(starting_at(mechanism, crank[0], float(crank[1][0])))
+    return solve_along(driven_path(mechanism, CRANK, change_point), *crank)
 
 
 def assemble(
@@ -130,10 +129,8 @@ def solve_along(
     Raises:
         AssemblyError: at the instant beyond which the loops cannot close in this assembly mode.
     """
-    parameter = crank_angles(path.name, parameter)
-    rate = crank_rate(path.name, "speed", speed, len(parameter))
-    second = crank_rate(path.name, "acceleration", acceleration, len(parameter))
-    return solve_prescribed(path, motion_laws, instants_of_laws(motion_laws, parameter, rate, second))
+    motion = crank_motion(path.name, parameter, speed, acceleration)
+    return solve_prescribed(path, motion_laws, instants_of_laws(motion_laws, *motion))
 
 
 def motion_along(
