@@ -13,6 +13,12 @@ def several(count: int, noun: str) -> str:
     return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
+def first_names(names: Sequence[str], most: int, others: str = "more") -> str:
+    """Return at most so many names, separated by commas, and the number of the others."""
+    more = f" and {len(names) - most} {others}" if len(names) > most else ""
+    return ", ".join(names[:most]) + more
+
+
 def cut(text: str, longest: int) -> str:
     """Return text shortened to at most `longest` characters; it then ends after a word with " ..."."""
     if len(text) <= longest:

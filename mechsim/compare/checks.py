@@ -20,6 +20,7 @@ from mechsim.compare.tolerances import (
     instant_text,
     instants_of,
 )
+from mechsim.errors import first_names
 from mechsim.mechanism.finding import Outcome, most_severe
 from mechsim.numerics.arrays import Array
 
@@ -272,9 +273,8 @@ def concluded(
         return Verdict("changed assembly", checks, f"first seen at {instant_text(where, unit)}")
     if not all(check.worst == check.worst for check in checks):
         return Verdict("diverged", checks, "an error is not a number")
-    names = ", ".join(f"{check.title} {_beyond(check)}" for check in failed[:3])
-    more = f" and {len(failed) - 3} more" if len(failed) > 3 else ""
-    return Verdict("failed", checks, f"beyond the tolerance: {names}{more}")
+    names = [f"{check.title} {_beyond(check)}" for check in failed]
+    return Verdict("failed", checks, f"beyond the tolerance: {first_names(names, 3)}")
 
 
 def combined(verdicts: Mapping[str, Verdict]) -> Verdict:

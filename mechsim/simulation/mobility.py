@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.errors import STEPPED, AssemblyError, MobilityError
+from mechsim.errors import STEPPED, AssemblyError, MobilityError, first_names
 from mechsim.mechanism.limits import check_instants, extremes, require_within
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.rank import pseudo_inverse
@@ -225,12 +225,11 @@ def floating_bodies_note(closed: ClosedModel) -> str:
     model, bodies = closed.model, _floating_bodies(closed.loops)
     if not bodies:
         return ""
-    names = [str(model.body(body).name or f"body {body}") for body in bodies[:MAX_LISTED]]
-    more = f" and {len(bodies) - MAX_LISTED} more" if len(bodies) > MAX_LISTED else ""
+    names = [str(model.body(body).name or f"body {body}") for body in bodies]
     floats, state, pronoun = "float", "they stay at their initial poses", "them"
     if len(bodies) == 1:
         floats, state, pronoun = "floats", "it stays at its initial pose", "it"
     return (
-        f"{', '.join(names)}{more} {floats} independently of the drivers, so poses do not determine it: "
-        f"{state}; fix {pronoun} (--fix-base), or {STEPPED}"
+        f"{first_names(names, MAX_LISTED)} {floats} independently of the drivers, so poses do not determine "
+        f"it: {state}; fix {pronoun} (--fix-base), or {STEPPED}"
     )

@@ -169,25 +169,24 @@ class TwoBranchForm(ClosedForm):
         start, arcs = super()._start(), self.crank_range()
         if self._root.touching:
             return self._clear_angle(first_sign_angle(np.array([start]), self._root.touching, 1.0))
-        spread = np.concatenate([np.linspace(low, high, 25) for low, high in arcs.arcs])
-        discriminants = self.discriminant(spread)
-        # near a dead centre no guess distinguishes the assembly modes
-        if self.discriminant(np.array([start]))[0] > MIN_START_DISCRIMINANT * discriminants.max():
-            return start
-        return float(spread[np.argmax(discriminants)])
+        return self._separated(start, arcs.arcs)
 
     def _clear_angle(self, angle: float) -> float:
         """Return a crank angle in [rad] with well separated assembly modes and no change point in between."""
         full, turns = self._arcs.full, round(self.period / REVOLUTION)
         angle -= turns * REVOLUTION * np.round(angle / (turns * REVOLUTION)) if full else 0.0
-        low, high = segment(angle, self._root.touching, None if full else interval_around(self._arcs, angle))
-        spread = np.concatenate([[angle], np.linspace(low, high, 25)])
+        arc = segment(angle, self._root.touching, None if full else interval_around(self._arcs, angle))
+        return self._separated(angle, [arc])
+
+    def _separated(self, angle: float, arcs: Sequence[tuple[float, float]]) -> float:
+        """Return a crank angle, or another one in arcs if the assembly modes nearly coincide there, in [rad].
+
+        Near a dead centre no guess distinguishes them.
+        """
+        spread = np.concatenate([[angle], *(np.linspace(low, high, 25) for low, high in arcs)])
         discriminants = self.discriminant(spread)
-        return (
-            angle
-            if discriminants[0] > MIN_START_DISCRIMINANT * discriminants.max()
-            else float(spread[np.argmax(discriminants)])
-        )
+        distinct = discriminants[0] > MIN_START_DISCRIMINANT * discriminants.max()
+        return angle if distinct else float(spread[np.argmax(discriminants)])
 
     def assemblies(self, angle: float) -> Sequence[Self]:
         discriminant = (

@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.errors import MechsimError, MobilityError
+from mechsim.errors import MechsimError, MobilityError, first_names
 from mechsim.mechanism.finding import NO_POSITION, FilePosition, Finding
 from mechsim.mechanism.motion_laws import CRANK, MotionLaws, State, make_motion_laws
 from mechsim.numerics import rank as numerical_rank
@@ -282,9 +282,8 @@ def driver_swing(scene: Inspected) -> Swing | None:
         return None
     for half in range(TRIES if scene.drivers else 0):
         displacements = reaches(scene, 0.5**half)
-        listed = [f"{name} by {by:.3g}" for name, by in displacements.items()]
-        more = f" and {len(listed) - MAX_LISTED} more drivers" if len(listed) > MAX_LISTED else ""
-        description = f"a swing of {', '.join(listed[:MAX_LISTED])}{more} in {DURATION:g} s"
+        swings = [f"{name} by {by:.3g}" for name, by in displacements.items()]
+        description = f"a swing of {first_names(swings, MAX_LISTED, 'more drivers')} in {DURATION:g} s"
         states = {name: wave(mechanism.guess_coordinates[name], by) for name, by in displacements.items()}
         try:
             laws = make_motion_laws(mechanism, states, DURATION)

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.errors import MechsimError
+from mechsim.errors import MechsimError, first_names
 from mechsim.mechanism.finding import Finding
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.rank import rank
@@ -155,8 +155,7 @@ def undetermined(scene: Inspected) -> Iterator[Finding]:
     if not count:
         # a tracked point moves by balls alone
         count, names = _representative_joints(scene, balls=True)
-    more = f" and {len(names) - MAX_LISTED} more" if len(names) > MAX_LISTED else ""
-    listed = ", ".join(names[:MAX_LISTED]) + more
+    listed = first_names(names, MAX_LISTED)
     floats = " or --fix-base" if free_joints(model) else ""
     yield Finding(
         kind="open",

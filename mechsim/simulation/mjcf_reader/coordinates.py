@@ -6,7 +6,7 @@ from difflib import get_close_matches
 import mujoco
 import numpy as np
 
-from mechsim.errors import InputError
+from mechsim.errors import InputError, first_names
 from mechsim.mechanism.links import GROUND, VIRTUAL_PREFIX
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.joints import CRANK
@@ -32,8 +32,7 @@ def actuator_names(model: mujoco.MjModel) -> list[str]:
 
 def listed(names: Sequence[str]) -> str:
     """Return names as a message lists them, at most one line."""
-    more = f" and {len(names) - MAX_LISTED} more" if len(names) > MAX_LISTED else ""
-    return ", ".join(names[:MAX_LISTED]) + more if names else "none"
+    return first_names(names, MAX_LISTED) if names else "none"
 
 
 def did_you_mean(name: str, names: Sequence[str]) -> str:

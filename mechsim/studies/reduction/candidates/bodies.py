@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import mujoco
 import numpy as np
 
+from mechsim.errors import first_names
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.compiling import plainly_compiled
 from mechsim.simulation.mjcf_reader.fixed_bodies import pose_in_parent
@@ -84,8 +85,7 @@ def count_text(number: int, singular: str, plural: str | None = None) -> str:
 
 def name_list(names: Sequence[str]) -> str:
     """Return the first names, comma-separated, and the number of other names."""
-    more = f" and {len(names) - LISTED} more" if len(names) > LISTED else ""
-    return ", ".join(names[:LISTED]) + more
+    return first_names(names, LISTED)
 
 
 # displacement of a joint above which it is not proposed, in [rad] or characteristic lengths
