@@ -10,7 +10,7 @@ from mechsim.kinematics.derivatives.dimensions import numbers_in, numbers_of, re
 from mechsim.kinematics.derivatives.motion import TracedMotion
 from mechsim.kinetics.applied_forces import STILL
 from mechsim.kinetics.model import DynamicModel
-from mechsim.kinetics.prescribed_motion import InverseDynamics, moved_as
+from mechsim.kinetics.prescribed_motion import InverseDynamics, moved_as, times_along
 from mechsim.kinetics.unit_motion import from_motion
 from mechsim.mechanism.forces import Forces
 from mechsim.mechanism.mechanism import Mechanism
@@ -102,13 +102,5 @@ def perturbed_forces(
     )
     standing = np.abs(speed) <= STILL * np.abs(speed).max()
     unit = from_motion(model.mechanism, motion, nominal)
-    return moved_as(model, unit, speed, acceleration, _times(model, motion, speed, acceleration), standing)
-
-
-def _times(model: DynamicModel, motion: Motion, speed: Array, acceleration: Array) -> Array | None:
-    """Return times in [s] of motion laws, or of a crank at constant speed; None if unknown."""
-    motion_laws = model.solver.motion_laws
-    if not motion_laws.crank:
-        return motion_laws.time(motion.angle)
-    steady = np.ptp(speed) == 0.0 and speed[0] != 0.0 and not acceleration.any()
-    return motion.angle / speed if steady else None
+    times = times_along(model, motion.angle, speed, acceleration)
+    return moved_as(model, unit, speed, acceleration, times, standing)

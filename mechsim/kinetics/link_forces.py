@@ -9,9 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from mechsim.kinematics.vector_method.rotations import skew
 from mechsim.kinetics.applied_forces import add_joint_force, add_joint_forces
-from mechsim.kinetics.unit_motion import UnitMotion
+from mechsim.kinetics.unit_motion import UnitMotion, mass_matrices
 from mechsim.mechanism.joint_friction import Friction
 from mechsim.mechanism.joints import Joint
 from mechsim.numerics.arrays import Array, cross
@@ -54,12 +53,7 @@ def spatial_inertias(unit: UnitMotion, masses: Array, centres: Array, moments: A
     """
     rotation = unit.rotation
     centre = unit.position + (rotation @ centres[..., None])[..., 0]
-    across, mass = skew(centre), masses[:, None, None]
-    inertia = np.zeros((*centre.shape[:2], 6, 6))
-    inertia[..., :3, :3] = mass * np.eye(3)
-    inertia[..., 3:, :3], inertia[..., :3, 3:] = mass * across, -mass * across
-    inertia[..., 3:, 3:] = rotation @ moments @ np.swapaxes(rotation, -1, -2) - mass * across @ across
-    return inertia
+    return mass_matrices(masses, centre, rotation @ moments @ np.swapaxes(rotation, -1, -2))
 
 
 def inertial_wrenches(twist: Array, bias: Array, inertia: Array) -> Array:

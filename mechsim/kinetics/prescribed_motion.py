@@ -166,14 +166,14 @@ def prescribed_along(
     """
     angle, w, e = crank_motion(model.mechanism.name, parameter, rate, second)
     model = model.starting_at(angle, float(w[0]))
-    time = model.solver.motion_laws.time(angle) if time is None else time
     n, joints = len(angle), len(model.mechanism.joints)
     batch = min(BATCH_SIZE, -(-BATCH_LINKS // len(model.mechanism.links)))
     each = COPIES * (NUMBERS_PER_INSTANT + NUMBERS_PER_JOINT * joints)
     require_memory(f"inverse dynamics of {n:,} instants", n, each, FEWER)
-    times = None if time is None else np.broadcast_to(np.asarray(time, dtype=np.float64), angle.shape)
-    if times is None and np.ptp(w) == 0.0 and w[0] != 0.0 and not e.any():
-        times = angle / w
+    if time is None:
+        times = times_along(model, angle, w, e)
+    else:
+        times = np.broadcast_to(np.asarray(time, dtype=np.float64), angle.shape)
     standing = np.abs(w) <= STILL * np.abs(w).max()
     chunks: list[InverseDynamics] = []
     for start in range(0, n, BATCH_SIZE):
@@ -188,6 +188,15 @@ def prescribed_along(
             chunks.append(moved_as(model, unit, w[rows], e[rows], instants, standing[rows], acting))
             progress(f"{rows.stop:,} of {n:,} instants", rows.stop / n)
     return chunks[0] if len(chunks) == 1 else _joined(chunks)
+
+
+def times_along(model: DynamicModel, angle: Array, speed: Array, acceleration: Array) -> Array | None:
+    """Return times in [s] of motion laws, or of a crank at constant speed; None if unknown."""
+    motion_laws = model.solver.motion_laws
+    if not motion_laws.crank:
+        return motion_laws.time(angle)
+    steady = np.ptp(speed) == 0.0 and speed[0] != 0.0 and not acceleration.any()
+    return angle / speed if steady else None
 
 
 def moved_as(

@@ -244,7 +244,7 @@ def _without_spin(unit: UnitMotion, idle: Array) -> tuple[Array, Array]:
     If a link has no moment of inertia about its line, balls at the centres take the place of the inertias.
     """
     n, count, _, k = idle.shape
-    mass = mass_matrices(unit)
+    mass = mass_matrices(unit.masses, unit.centres, unit.moments)
     weighted = (mass @ idle).reshape(n, 6 * count, k)
     flat = idle.reshape(n, 6 * count, k)
     angular = np.swapaxes(idle[..., 3:, :].reshape(n, 3 * count, k), 1, 2)
@@ -276,13 +276,17 @@ def _without_spin(unit: UnitMotion, idle: Array) -> tuple[Array, Array]:
     return twist, off(bias, torque)
 
 
-def mass_matrices(unit: UnitMotion) -> Array:
-    """Return each link's 6 x 6 mass matrix about its origin, ground axes, (n, L, 6, 6)."""
-    n, count = unit.twist.shape[:2]
-    out = np.zeros((n, count, 6, 6), unit.twist.dtype)
-    c, m = unit.centres, unit.masses[:, None, None]
-    across = skew(c)
-    out[..., :3, :3] = m * np.eye(3)
-    out[..., 3:, :3], out[..., :3, 3:] = m * across, -m * across
-    out[..., 3:, 3:] = unit.moments - m * across @ across
+def mass_matrices(masses: Array, centres: Array, moments: Array) -> Array:
+    """Return each link's 6 x 6 mass matrix about a point, linear before angular, ground axes, (n, L, 6, 6).
+
+    Args:
+        masses: (L,) in [kg].
+        centres: centres of mass from the point, (n, L, 3) in [m].
+        moments: inertia matrices about the centres, (n, L, 3, 3) in [kg m2].
+    """
+    across, mass = skew(centres), masses[:, None, None]
+    out = np.zeros((*centres.shape[:2], 6, 6), np.result_type(masses, centres, moments))
+    out[..., :3, :3] = mass * np.eye(3)
+    out[..., 3:, :3], out[..., :3, 3:] = mass * across, -mass * across
+    out[..., 3:, 3:] = moments - mass * across @ across
     return out
