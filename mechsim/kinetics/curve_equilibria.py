@@ -66,8 +66,7 @@ class EquilibriumCurve:
     def configurations(self, interval: NDArray[np.intp], u: Array) -> Coordinates:
         """Return the configurations at displacements along tangents, (k,) each."""
         bases = self.tangents[interval][..., None]
-        still = np.zeros((len(u), 1))
-        return displaced_states(self.equations, self.q.select(interval), bases, u[:, None], still)[0].q
+        return displaced_states(self.equations, self.q.select(interval), bases, u[:, None])[0].q
 
     def forces_at_ends(self) -> tuple[Array, Array]:
         """Return the forces and their derivatives at both ends of all intervals, (2, n) each.
@@ -137,9 +136,7 @@ def _one_way(
         returned = 0.9 * distance < ahead <= 1.5 * step and along @ tangents[0] > 0.0
         if len(lengths) > 1 and returned and not _forces_differ(equations, start, q, tangent):
             return nodes, tangents, [*lengths, ahead], True
-        moved, closed = displaced_states(
-            equations, q, along[None, :, None], np.array([[step]]), np.zeros((1, 1))
-        )
+        moved, closed = displaced_states(equations, q, along[:, None], np.array([[step]]))
         change = difference(equations, q, moved.q) - step * along
         new, cosine = tangents_next_to(equations, moved.q, along[None])
         if not closed[0] or np.linalg.norm(change) > MAX_DEVIATION * step or cosine[0] < 0.9:

@@ -52,12 +52,13 @@ class RestingState:
 
 
 def newton_equilibria(
-    equations: EquationsOfMotion, q: Coordinates, downhill: NDArray[np.bool_]
+    equations: EquationsOfMotion, q: Coordinates, downhill: NDArray[np.bool_] | None = None
 ) -> list[Coordinates | None]:
     """Return the equilibria that Newton's method reaches from n configurations; None where it reaches none.
 
     Downhill steps (n,) reverse unstable directions, so that they lead to stable equilibria.
     """
+    downhill = np.zeros(len(q), dtype=np.bool_) if downhill is None else downhill
     q = Coordinates(q.values.copy(), q.turns.copy())
     active, reached = np.ones(len(q), dtype=np.bool_), np.zeros(len(q), dtype=np.bool_)
     balanced = np.zeros(len(q), dtype=np.intp)
@@ -83,7 +84,7 @@ def newton_equilibria(
             step *= np.where(reached[which], 0.0, np.minimum(1.0, MAX_STEP / np.fmax(length, MAX_STEP)))[
                 :, None
             ]
-            moved, closed = displaced_states(equations, q.select(which), basis, step, np.zeros_like(step))
+            moved, closed = displaced_states(equations, q.select(which), basis, step)
             q.values[:, which], q.turns[..., which] = moved.q.values, moved.q.turns
             reached[which] &= closed
             active[which] = closed & ~reached[which]
@@ -150,9 +151,10 @@ def distinct(
     singular = [_singular(equations, q) for q, _ in different]
     for (q, reached), is_singular in [*zip(different, singular, strict=True)]:
         if is_singular:
-            neighbours = [
-                other for other in _neighbouring_equilibria(equations, q) if not _singular(equations, other)
-            ]
+            basis = independent_rates(equations, q)
+            around = FAMILY_STEP * np.concatenate([np.eye(basis.shape[1]), -np.eye(basis.shape[1])])
+            neighbours = _neighbouring_equilibria(equations, q, basis, around)
+            neighbours = [other for other in neighbours if not _singular(equations, other)]
             different += [(other, reached) for other in neighbours]
             singular += [False] * len(neighbours)
     dimensions = [
@@ -177,20 +179,17 @@ def _singular(equations: EquationsOfMotion, q: Coordinates) -> bool:
     basis = independent_rates(equations, q)
     u = NEXT_TO_START * np.eye(basis.shape[1])
     u = np.concatenate([u, u.sum(0, keepdims=True)])
-    moved, closed = displaced_states(
-        equations, q.repeated(len(u)), np.broadcast_to(basis, (len(u), *basis.shape)), u, np.zeros_like(u)
-    )
+    moved, closed = displaced_states(equations, q, basis, u)
     dofs, _ = null_directions(equations, moved.q)
     return bool((dofs[closed] < basis.shape[1]).any())
 
 
-def _neighbouring_equilibria(equations: EquationsOfMotion, q: Coordinates) -> list[Coordinates]:
-    """Return equilibria that Newton's method reaches from around a singular configuration."""
-    basis = independent_rates(equations, q)
-    u = FAMILY_STEP * np.concatenate([np.eye(basis.shape[1]), -np.eye(basis.shape[1])])
-    bases = np.broadcast_to(basis, (len(u), *basis.shape))
-    moved, closed = displaced_states(equations, q.repeated(len(u)), bases, u, np.zeros_like(u))
-    ends = newton_equilibria(equations, moved.q.select(closed), np.zeros(int(closed.sum()), dtype=np.bool_))
+def _neighbouring_equilibria(
+    equations: EquationsOfMotion, q: Coordinates, basis: Array, u: Array
+) -> list[Coordinates]:
+    """Return equilibria that Newton's method reaches from displacements (n, dof) of a configuration."""
+    moved, closed = displaced_states(equations, q, basis, u)
+    ends = newton_equilibria(equations, moved.q.select(closed))
     return [end for end in ends if end is not None]
 
 
@@ -202,15 +201,10 @@ def family_dimension(equations: EquationsOfMotion, q: Coordinates) -> int:
     """
     linear = linear_model(equations, q)
     neutral, basis = np.linalg.qr(linear.neutral)[0], linear.basis
-    count = neutral.shape[1]
-    if not count:
+    if not neutral.shape[1]:
         return 0
-    bases = np.broadcast_to(basis, (count, *basis.shape))
-    moved, closed = displaced_states(
-        equations, q.repeated(count), bases, FAMILY_STEP * neutral.T, np.zeros((count, basis.shape[1]))
-    )
-    ends = newton_equilibria(equations, moved.q.select(closed), np.zeros(int(closed.sum()), dtype=np.bool_))
-    reached = [neutral.T @ basis.T @ difference(equations, q, end) for end in ends if end is not None]
+    ends = _neighbouring_equilibria(equations, q, basis, FAMILY_STEP * neutral.T)
+    reached = [neutral.T @ basis.T @ difference(equations, q, end) for end in ends]
     if not reached:
         return 0
     sizes = np.linalg.svd(np.array(reached), compute_uv=False)
@@ -238,9 +232,7 @@ def _reached(
                 steps.append(moved)
         if not active:
             break
-        ends = newton_equilibria(
-            equations, joined_configurations(steps), np.zeros(len(steps), dtype=np.bool_)
-        )
+        ends = newton_equilibria(equations, joined_configurations(steps))
         for k, moved, end in [*zip(active, steps, ends, strict=True)]:
             if end is None or _returned(equations, reached[k], moved, end):
                 active.remove(k)
@@ -251,7 +243,7 @@ def _reached(
 
 def _family_curve(equations: EquationsOfMotion, start: Coordinates) -> list[Coordinates]:
     """Return equilibria along a family of dimension one, in both directions until it closes or ends."""
-    nodes, still = [start], np.zeros(1, dtype=np.bool_)
+    nodes = [start]
     for sign in (1.0, -1.0):
         q, along = start, np.zeros(len(equations.free))
         for count in range(PATH_STEPS):
@@ -261,8 +253,8 @@ def _family_curve(equations: EquationsOfMotion, start: Coordinates) -> list[Coor
             tangent = basis @ right
             forward = sign if not count else 1.0 if tangent @ along > 0.0 else -1.0
             step = MAX_STEP * forward * right[None]
-            moved, closed = displaced_states(equations, q, basis[None], step, 0.0 * step)
-            (end,) = newton_equilibria(equations, moved.q, still) if closed.all() else (None,)
+            moved, closed = displaced_states(equations, q, basis, step)
+            (end,) = newton_equilibria(equations, moved.q) if closed.all() else (None,)
             if end is None or _returned(equations, q, moved.q, end):
                 break
             if count and np.linalg.norm(difference(equations, end, start)) < MAX_STEP:
@@ -292,5 +284,5 @@ def _step_along(
     if distance <= ARRIVED or length < PROGRESS * distance:
         return None
     step *= min(1.0, MAX_STEP / length)
-    moved, closed = displaced_states(equations, q, basis[None], step[None], np.zeros((1, len(step))))
+    moved, closed = displaced_states(equations, q, basis, step[None])
     return moved.q if closed.all() else None

@@ -382,23 +382,24 @@ def directions_within(jacobian: Array) -> tuple[NDArray[np.intp], Array]:
 
 
 def displaced_states(
-    equations: EquationsOfMotion, q: Coordinates, basis: Array, u: Array, rates: Array
+    equations: EquationsOfMotion, q: Coordinates, basis: Array, u: Array, rates: Array | None = None
 ) -> tuple[Kinematics, NDArray[np.bool_]]:
     """Return states at independent displacements and rates from n configurations, and which are closed.
 
     Args:
         equations: equations of motion.
-        q: n configurations.
-        basis: bases of their independent coordinates, (n, free, dof).
+        q: n configurations, or one.
+        basis: bases of their independent coordinates, (n, free, dof), or (free, dof) of one.
         u: displacements, (n, dof).
-        rates: rates, (n, dof).
+        rates: rates, (n, dof); None at rest.
     """
     loops, free, n = equations.loops, equations.free, len(u)
+    q, basis = (q if len(q) == n else q.repeated(n)), np.broadcast_to(basis, (n, *basis.shape[-2:]))
     step = np.zeros((loops.tree.count, n))
     step[free] = (basis @ u[..., None])[..., 0].T
     moved, gap = close_nearest(loops, loops.displaced(q, step))
     velocity = np.zeros((loops.tree.count, n))
-    if rates.any():
+    if rates is not None and rates.any():
         jacobian = loops.linearise(moved)[1][:, free].transpose(2, 0, 1)
         rows = np.concatenate([jacobian, np.swapaxes(basis, 1, 2)], 1)
         velocity[free] = least_norm(rows, np.concatenate([np.zeros((n, loops.rows)), rates], 1)).T
@@ -413,8 +414,7 @@ def states_about(
     Raises:
         AssemblyError: if the loops of a state do not close.
     """
-    bases = np.broadcast_to(basis, (len(u), *basis.shape))
-    state, closed = displaced_states(equations, q.repeated(len(u)), bases, u, rates)
+    state, closed = displaced_states(equations, q, basis, u, rates)
     if not closed.all():
         name = equations.model.mechanism.name
         raise AssemblyError(f"{name}: the loops do not close next to the equilibrium")

@@ -362,7 +362,7 @@ def nearest_equilibrium(
         AssemblyError: if there is no such equilibrium.
     """
     equations, q = prepared_equations(source, forces, initial or {})
-    (solution,) = newton_equilibria(equations, q, np.zeros(1, dtype=np.bool_))
+    (solution,) = newton_equilibria(equations, q)
     if solution is not None:
         nearest = _described(equations, distinct(equations, [(solution, True)])[0])
         if initial or nearest.stable is not False or same(equations, q, solution):
