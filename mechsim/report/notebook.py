@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from os import PathLike
 
-    from mechsim.compare.checks import Verdict
     from mechsim.kinematics.solvers import KinematicSolver
     from mechsim.mechanism.mechanism import Mechanism, Up
     from mechsim.mechanism.motion import Motion
@@ -320,45 +319,32 @@ def video(
         return Video(path.read_bytes(), size[0])
 
 
-def verdict_html(verdict: Verdict) -> str:
-    """Return a verdict as a table: quantity, largest error, its instant, tolerance and reason."""
-    from mechsim.compare.checks import check_table
-
-    head, rows = check_table(verdict.checks)
-    title = verdict.outcome + (f": {verdict.reason}" if verdict.reason else "")
-    colours = [PASS_COLOUR if check.passed else FAIL_COLOUR for check in verdict.checks]
-    return _title(title, PASS_COLOUR if verdict.passed else FAIL_COLOUR) + _table(head, rows, colours)
-
-
 def result_html(result: Any) -> str:
-    """Return a validation or an agreement as what was found and the table of its checks."""
-    from mechsim.compare.checks import Verdict
+    """Return a verdict, a validation or an agreement as its outcome and the table of its checks."""
+    from mechsim.compare.checks import Verdict, check_table
 
-    return verdict_html(Verdict(result.outcome, result.checks, result.why))
+    head, rows = check_table(result.checks)
+    reason = result.reason if isinstance(result, Verdict) else result.why
+    failed = [i for i, check in enumerate(result.checks) if not check.passed]
+    return _title(result.outcome, reason) + _table(rows, head, failed)
 
 
 def motion_html(motion: Motion) -> str:
     """Return a motion as its length and columns, and a plot."""
-    from mechsim.pictures import plots
-
     names = [*motion.points, *motion.joints]
     rows = [("instants", len(motion)), ("source", motion.source), ("points and joints", ", ".join(names))]
-    picture = figure_svg(plots.motion_plot(motion)) if len(motion) > 1 and motion.points else ""
-    return _table((), rows) + (picture or "")
+    return _table(rows) + (_plot(motion) if motion.points else "")
 
 
 def run_html(run: Any) -> str:
     """Return a run as its result, its settings, and a plot of its motion."""
-    from mechsim.pictures import plots
-
     summary = run.summary()
-    rows = [(name, _text(value)) for name, value in summary.items() if name != "settings"]
-    rows += [(name.replace("_", " "), _text(value)) for name, value in summary["settings"].items()]
-    picture = figure_svg(plots.motion_plot(run.motion)) if len(run.motion) > 1 else ""
-    colour = PASS_COLOUR if run.outcome == "passed" else FAIL_COLOUR
-    return (
-        _title(run.outcome, colour) + f"<details><summary>how</summary>{_table((), rows)}</details>{picture}"
-    )
+    settings = {name.replace("_", " "): value for name, value in summary.pop("settings").items()}
+    rows = [
+        (name, f"{value:.6g}" if isinstance(value, float) else value)
+        for name, value in [*summary.items(), *settings.items()]
+    ]
+    return f"{_title(run.outcome)}<details><summary>how</summary>{_table(rows)}</details>{_plot(run.motion)}"
 
 
 def figure_svg(figure: Any) -> str | None:
@@ -373,7 +359,7 @@ def figure_svg(figure: Any) -> str | None:
 
 # (module, class) -> MIME type and function of its display
 SHOWN = {
-    ("mechsim.compare.checks", "Verdict"): ("text/html", verdict_html),
+    ("mechsim.compare.checks", "Verdict"): ("text/html", result_html),
     ("mechsim.studies.validate", "Validation"): ("text/html", result_html),
     ("mechsim.studies.agreement.agreement", "Agreement"): ("text/html", result_html),
     ("mechsim.mechanism.motion", "Motion"): ("text/html", motion_html),
@@ -393,20 +379,25 @@ def register() -> None:
         shell.display_formatter.formatters[kind].for_type_by_name(module, name, page)
 
 
-def _title(text: str, colour: str) -> str:
-    return f'<p style="color:{colour};font-weight:600">{escape(text)}</p>'
+def _title(outcome: str, reason: str = "") -> str:
+    colour = PASS_COLOUR if outcome == "passed" else FAIL_COLOUR
+    text = escape(f"{outcome}: {reason}" if reason else outcome)
+    return f'<p style="color:{colour};font-weight:600">{text}</p>'
 
 
-def _table(head: tuple[str, ...], rows: list[Any], colours: list[str] | None = None) -> str:
+def _plot(motion: Motion) -> str:
+    from mechsim.pictures import plots
+
+    return (figure_svg(plots.motion_plot(motion)) or "") if len(motion) > 1 else ""
+
+
+def _table(rows: Sequence[Any], head: Sequence[str] = (), failed: Sequence[int] = ()) -> str:
+    """Return rows of columns in HTML, those that failed in red."""
     lines = ["<table>"]
     if head:
         lines.append("<tr>" + "".join(f"<th>{escape(name)}</th>" for name in head) + "</tr>")
     for i, row in enumerate(rows):
-        style = f' style="color:{colours[i]}"' if colours and colours[i] == FAIL_COLOUR else ""
+        style = f' style="color:{FAIL_COLOUR}"' if i in failed else ""
         columns = "".join(f'<td style="text-align:left">{escape(str(text))}</td>' for text in row)
         lines.append(f"<tr{style}>{columns}</tr>")
     return "\n".join([*lines, "</table>"])
-
-
-def _text(value: Any) -> str:
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
