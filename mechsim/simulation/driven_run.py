@@ -238,26 +238,22 @@ class DrivenRun:
             note="; ".join(filter(None, notes)),
         )
 
-    def errors_by_turn(self, settings: Settings) -> Array:
-        """Return the largest position error in each revolution, (turns,) in [m]; inf on failure."""
+    def position_error(self, settings: Settings) -> float:
+        """Return the largest position error of a run in [m]; inf on failure."""
         steps, motion = self._stepped(settings)
-        turns = max(1, round(self.profile.turns))
-        failure = self._failure(steps, motion)
-        errors = np.full(1, np.inf) if failure else pose_errors(self.closed, motion, steps.states.qpos)[0]
-        if not np.isfinite(errors).all():
-            return np.full(turns, np.inf)
-        index = np.minimum(turns * steps.states.time // (self.profile.duration * (1.0 + 1e-9)), turns - 1)
-        return np.array([errors[index == revolution].max() for revolution in range(turns)])
+        if self._failure(steps, motion):
+            return np.inf
+        return float(pose_errors(self.closed, motion, steps.states.qpos)[0].max())
 
-    def over_first_turns(self, turns: float) -> "DrivenRun":
-        """Return the run over the first revolutions, if it has more of them and constant speed.
+    def over_first_turn(self) -> "DrivenRun":
+        """Return the run over the first revolution, if it has more of them and constant speed.
 
         Under motion laws the result is the whole run, because no fraction of it represents the rest.
         """
-        if not self.profile.steady or self.profile.turns <= turns or not self.closed.loops.drivers.crank:
+        if not self.profile.steady or self.profile.turns <= 1.0 or not self.closed.loops.drivers.crank:
             return self
         (start,), (speed,), _ = self.profile.state(np.zeros(1))
-        return replace(self, profile=constant(float(speed), turns, float(start)), samples=None)
+        return replace(self, profile=constant(float(speed), 1.0, float(start)), samples=None)
 
     def require_decided(self) -> None:
         """Reject a motion whose start or continuation dynamics do not determine.

@@ -161,7 +161,7 @@ def steps_needed(driven: DrivenRun, settings: Settings, tolerance: float) -> tup
     diverge, the last is softer: of a rod with a small inertia about its line, the rounding of stiff
     constraints turns it ever faster.
     """
-    short, first = driven.over_first_turns(1.0), _trial_steps(driven)
+    short, first = driven.over_first_turn(), _trial_steps(driven)
     finer = {settings.steps_per_turn}
     if driven.closed.custom:
         cycle = driven.cycle * REVOLUTION / driven.profile.max_speed
@@ -171,7 +171,7 @@ def steps_needed(driven: DrivenRun, settings: Settings, tolerance: float) -> tup
         softer = replace(settings, compliance=MIN_FACTOR * settings.compliance_used)
         trials.append((softer, settings.steps_per_turn))
     for tried, trial in trials:
-        error = float(short.errors_by_turn(_with_steps(driven, tried, trial)).max())
+        error = short.position_error(_with_steps(driven, tried, trial))
         if np.isfinite(error):
             steps = rounded(steps_for(trial, error, TARGET_FRACTION * tolerance))
             # after a divergence fewer steps than the trial's may diverge, too
