@@ -90,7 +90,6 @@ def published_scene(source: KinematicSolver, profile: CrankProfile | None = None
         ctrl=ctrl,
         duration=profile.duration,
         points=source.mechanism.points,
-        qpos=source.source.qpos,
         started=bool(source.mechanism.guess),
     )
     return scene, f"{', '.join(ctrl)} fed" if ctrl else "its drivers carried by virtual drive inertia"

@@ -158,13 +158,13 @@ def scene_of(
     duration: float = 1.0,
     points: Mapping[str, tuple[str, Vector]] | None = None,
     key: str | None = None,
-    qpos: Array | None = None,
     started: bool = False,
 ) -> UserScene:
     """Return a scene and its motion.
 
-    Without prescribed joints, the motion starts at rest in the state of the file or its keyframe. With
-    prescribed joints, it starts in the assembled state and with the rates of their motion laws.
+    Without prescribed joints, the motion starts in the state in which the file was read, at rest or with the
+    rates of a keyframe. With prescribed joints, it starts in the assembled state and with the rates of their
+    motion laws.
 
     Args:
         read: contents of the file.
@@ -175,8 +175,7 @@ def scene_of(
         duration: in [s].
         points: tracked points: name -> (link, position in its frame in [m]); None for body origins and the
             points at which joints close the loops.
-        key: initial keyframe.
-        qpos: initial coordinates, (nq,), in place of the file's or the keyframe's.
+        key: initial keyframe, if the file was read in one.
         started: whether it starts in the assembly of the mechanism's guess, as selected by a user.
 
     Raises:
@@ -207,10 +206,7 @@ def scene_of(
     joint_names = [joint.name for joint in mechanism.joints[: plain.njnt]]
     inertias = _add_drive_inertias(spec, plain, mechanism, tuple(joint_laws))
     model = with_scaled_tolerance(plain, plainly_compiled(spec), spec) if inertias else plain
-    data = mujoco.MjData(model)
-    if key is not None:
-        mujoco.mj_resetDataKeyframe(model, data, model.key(key).id)
-    start = (data.qpos if qpos is None else qpos).copy(), data.qvel.copy()
+    start = read.qpos.copy(), np.zeros(model.nv) if key is None else model.key(key).qvel.copy()
     if started:
         poses, values = start_poses(mechanism)
         links = {name: Pose(pose.position[None], pose.rotation[None]) for name, pose in poses.items()}
