@@ -208,11 +208,6 @@ def table_file(contents: str) -> Any:
     return output_file(f"{contents}: .csv or .npz.", *TABLES)
 
 
-def plot_file(contents: str) -> Any:
-    """Declare the option for a plot to write, as `output_file`."""
-    return output_file(f"{contents}: .svg, .pdf or .png.", *PLOTS)
-
-
 def table_or_plot_file(table: str, plot: str, tables: tuple[str, ...] = TABLES) -> Any:
     """Declare the option, to be given once or twice, for a table and a plot to write."""
     contents = f"{table}: {' or '.join(tables)}; or {plot}: .svg, .pdf or .png. Give it twice for both."

@@ -3,7 +3,7 @@
 from dataclasses import replace
 from typing import Annotated, Any
 
-from mechsim.cli.command import Result, Stated, Without, command, plot_file
+from mechsim.cli.command import Result, Stated, Without, command, output_file
 from mechsim.cli.load_options import LoadOptions, ReleaseOptions, masses_in_json, print_masses, released_model
 from mechsim.cli.options import SPEED, ModelOptions, Speed
 from mechsim.errors import InputError
@@ -17,7 +17,7 @@ from mechsim.units import crank_speed, option
 @command
 def plot(
     source: Annotated[ModelOptions, Without("loops")],
-    output: Annotated[str, plot_file("Plot to write")],
+    output: Annotated[str, output_file("Plot to write: .svg, .pdf or .png.", ".svg", ".pdf", ".png")],
     stated: Stated,
     coordinates: tuple[str, ...] | None = option(
         None, "Quantities to draw: P.x, rocker.v, distance:P,Q.", read=quantity_names, name="--of"

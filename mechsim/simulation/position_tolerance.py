@@ -59,9 +59,9 @@ class NextSteps:
         return rounded(min(predicted, most), limit)
 
 
-def steps_for(steps: int, error: float, goal: float, order: float = ORDER) -> float:
+def steps_for(steps: int, error: float, goal: float) -> float:
     """Return the unrounded number of steps at which an error equals a goal."""
-    return steps * ((error / goal) ** (1.0 / order) if np.isfinite(error) else MAX_STEP_FACTOR)
+    return steps * ((error / goal) ** (1.0 / ORDER) if np.isfinite(error) else MAX_STEP_FACTOR)
 
 
 def rounded(steps: float, max_steps: int = MAX_STEPS) -> int:

@@ -10,7 +10,7 @@ import mechsim as ms
 from mechsim.compare.checks import check_of, check_table
 from mechsim.compare.tolerances import RecordInstants, Tolerance
 from mechsim.files import plain
-from mechsim.report.notebook import verdict_html
+from mechsim.report.notebook import result_html
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.studies.dynamics_check import crosscheck_driven
 
@@ -45,7 +45,7 @@ def test_verdicts_on_motion_laws_report_times(swinging):
     assert min(abs(check.instant - 0.25), abs(check.instant - 1.25)) < 1e-9
     assert {item["at_unit"] for item in plain(verdict)["checks"]} == {"s"}
     assert f"at {check.instant:7.4f} s" in str(check)
-    assert "at [s]" in verdict_html(verdict)
+    assert "at [s]" in result_html(verdict)
 
 
 def test_verdicts_on_a_crank_report_crank_angles():
@@ -54,7 +54,7 @@ def test_verdicts_on_a_crank_report_crank_angles():
     verdict = ms.crosscheck(run, late_motion(linkage.solve_as(run.motion), np.pi / 3))
     check = next(item for item in verdict.checks if item.kind == "position")
     assert (check.instant, check.at_unit) == (pytest.approx(np.pi / 3), "rad")
-    assert "at [deg]" in verdict_html(verdict)
+    assert "at [deg]" in result_html(verdict)
     assert check.columns[2] == "60"
 
 

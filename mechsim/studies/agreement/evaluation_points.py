@@ -196,16 +196,13 @@ class EvaluationPoints:
         return [self.exact(quantity) for quantity in quantities]
 
 
-def evaluation_points(solver: KinematicSolver, speed: float, samples: int = INSTANTS) -> EvaluationPoints:
-    """Return a solver at instants over its range: a revolution, a stroke, or its motion laws, evenly spaced.
+def evaluation_points(solver: KinematicSolver, speed: float) -> EvaluationPoints:
+    """Return a solver at a crank speed in [rad/s] and instants over its range, evenly spaced with both ends.
 
-    Args:
-        solver: the mechanism's solver.
-        speed: crank speed in [rad/s].
-        samples: number of instants, both ends included.
+    The range is a revolution, a stroke, or its motion laws.
     """
     profile = profile_of(solver, speed, solver.period / REVOLUTION)
-    time = np.linspace(0.0, profile.duration, samples)
+    time = np.linspace(0.0, profile.duration, INSTANTS)
     return EvaluationPoints(solver, *profile.state(time), time)
 
 
