@@ -1,10 +1,11 @@
 """The plane of motion of a planar mechanism: its normal in the frame of each link."""
 
 from collections.abc import Sequence
+from functools import cache
 
 import numpy as np
 
-from mechsim.mechanism.joint_kinds import COLUMN, KINDS
+from mechsim.mechanism.joint_kinds import COLUMN, KINDS, Kind
 from mechsim.mechanism.joints import End, Joint
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
@@ -53,19 +54,17 @@ def _normals(hinge: End, mechanism: Mechanism, joints: Sequence[Joint]) -> dict[
                     # a joint that rotates about the normal has it in the same direction of both joint frames
                     normals[other.link] = other.frame @ start.frame.T @ normals[start.link]
     ends = [(joint, end) for joint in joints for end in (joint.a, joint.b)]
-    planar = all(
-        end.link in normals and _stays_in_plane(joint, end, normals[end.link]) for joint, end in ends
-    )
-    return normals if planar else None
+    if not all(end.link in normals and KINDS[joint.kind].aligned for joint, end in ends):
+        return None
+    # a joint rotates about the normals of both links and slides perpendicular to them
+    frames, own = np.array([end.frame for _, end in ends]), np.array([normals[end.link] for _, end in ends])
+    components = np.abs(np.einsum("eij,ei->ej", frames, own))
+    across = np.array([_across(KINDS[joint.kind]) for joint, _ in ends])
+    return normals if not components[across].max(initial=0.0) > PARALLEL_TOLERANCE else None
 
 
-def _stays_in_plane(joint: Joint, end: End, normal: Array) -> bool:
-    """Whether a joint rotates about a normal of one of its links and slides perpendicular to it."""
-    kind = KINDS[joint.kind]
-    if not kind.aligned:
-        return False
-    components = end.frame.T @ normal
-    across = [abs(components[COLUMN[axis]]) for axis in kind.slides]
-    if kind.turns:
-        across += [abs(components[0]), abs(components[1])]
-    return max(across, default=0.0) <= PARALLEL_TOLERANCE
+@cache
+def _across(kind: Kind) -> tuple[bool, ...]:
+    """Return which columns of a joint's frame are perpendicular to the normal, (3,)."""
+    columns = {*(COLUMN[axis] for axis in kind.slides), *((0, 1) if kind.turns else ())}
+    return tuple(i in columns for i in range(3))

@@ -226,7 +226,7 @@ class ContinuationPath(PathStates[E, Q]):
     ) -> tuple[Segment[E, Q] | None, float]:
         """Return a segment through closed nodes, None if it is rejected, and the length to try next."""
         step, solver = segment.length, segment.solver
-        if (np.abs(closed.linearised.signed_distance) < NEARLY_SINGULAR).any():
+        if (np.abs(closed.linearised.estimated_distance) < NEARLY_SINGULAR).any():
             closed = self.closed(solver, segment.nodes, closed.states) or closed
         error, loops = closed.error, closed.linearised
         if error[0] > CONTROL.max_error:
@@ -235,7 +235,7 @@ class ContinuationPath(PathStates[E, Q]):
         segment = replace(segment, states=closed.states, adequate=adequate[-1:])
         if not by_determinant.all():
             segment, loops = _with_adequate_rows(self, segment, loops, by_determinant)
-        share, signs = segment.solver.share(loops), np.sign(loops.signed_distance)
+        share, signs = segment.solver.share(loops), np.sign(loops.estimated_distance)
         if share.min() < MIN_SHARE_RATIO * share.max():
             return None, self.control.shrink * step
         sign_changes = np.flatnonzero(signs[1:] != signs[:-1])

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from functools import cached_property
 from itertools import combinations, pairwise, permutations
 
 import numpy as np
@@ -405,7 +406,7 @@ class Canvas:
         """Return the middle of a planar link's layer along its normal; for the ground its mounting plate."""
         return self.back if link == GROUND else self.height(link)
 
-    @property
+    @cached_property
     def back(self) -> float:
         """Position of the mounting plate of a planar mechanism along the ground's normal."""
         lowest = min(self.height(link.name) for link in self.mechanism.links)

@@ -38,6 +38,7 @@ class CurveSearch:
     Attributes:
         loops: of the mechanism.
         progress: called with a description of the work and the fraction done, at least.
+        singular_values: least ones of poses on no curve when they were added, (n,); `dofs` as well.
     """
 
     def __init__(self, loops: FreeLoops, progress: Progress):
@@ -55,19 +56,23 @@ class CurveSearch:
         """Add poses to the search."""
         if not len(poses):
             return
-        _, jacobian, placed = self.loops.loops.linearise(poses)
-        by_unknowns = jacobian[:, self.loops.loops.unknown].transpose(2, 0, 1)
-        values = singular_values(by_unknowns)
-        rank = significant(values, RANK_TOLERANCE).sum(1)
-        self.poses += [poses.select(np.array([i])) for i in range(len(poses))]
-        self.features = np.concatenate([self.features, self.loops.features.values(placed)])
-        least = values[:, self.loops.rank - 1] if self.loops.rank else np.ones(len(poses))
-        self.singular_values = np.concatenate([self.singular_values, least])
-        self.dofs = np.concatenate([self.dofs, 1 + self.loops.rank - rank])
-        self.counted = np.concatenate([self.counted, np.full(len(poses), counted)])
-        self.curve_index = np.concatenate([self.curve_index, np.full(len(poses), -1)])
+        loops, rank, n = self.loops.loops, self.loops.rank, len(poses)
+        self.poses += [poses.select(np.array([i])) for i in range(n)]
+        features = self.loops.features.values(link_poses(loops.tree, poses))
+        self.features = np.concatenate([self.features, features])
+        self.counted = np.concatenate([self.counted, np.full(n, counted)])
+        self.curve_index = np.concatenate([self.curve_index, np.full(n, -1)])
         for i, curve in enumerate(self.curves):
             self._assign(i, curve)
+        least, dofs, waiting = np.ones(n), np.ones(n, dtype=np.intp), self.curve_index[-n:] == -1
+        if waiting.any():
+            jacobian = loops.linearise(poses.select(waiting))[1][:, loops.unknown]
+            values = singular_values(jacobian.transpose(2, 0, 1))
+            dofs[waiting] += rank - significant(values, RANK_TOLERANCE).sum(1)
+            if rank:
+                least[waiting] = values[:, rank - 1]
+        self.singular_values = np.concatenate([self.singular_values, least])
+        self.dofs = np.concatenate([self.dofs, dofs])
 
     def trace(self, start: int) -> None:
         """Trace the curve through a pose."""

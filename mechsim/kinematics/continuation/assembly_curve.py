@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mechsim.kinematics.continuation.free_loops import FreeLoops
 from mechsim.kinematics.continuation.segments import MIN_DISTANCE_FROM_BRANCH_POINT, NODES, TracedCurve
-from mechsim.kinematics.loops.kinematics import LinkPoses, link_poses
+from mechsim.kinematics.loops.kinematics import Coordinates, LinkPoses, link_poses
 from mechsim.kinematics.loops.tree import SpanningTree
 from mechsim.mechanism.joint_kinds import KINDS, Kind, KindName, coordinates
 from mechsim.mechanism.joints import Joint
@@ -91,11 +91,11 @@ class LikeJoints:
 
 
 def like_joints(tree: SpanningTree) -> list[LikeJoints]:
-    """Return the joints with coordinates, those of a kind together."""
+    """Return the joints with coordinates that close loops, those of a kind together."""
     groups, columns = dict[tuple[KindName, float], list[tuple[Joint, range]]](), 0
     for joint in tree.original.joints:
         own = range(columns, columns + len(KINDS[joint.kind].units))
-        if own:
+        if own and not tree.index_of.keys() >= {*joint.coordinates}:
             groups.setdefault((joint.kind, joint.cross_angle), []).append((joint, own))
         columns = own.stop
     index = {GROUND: -1, **tree.index}
@@ -137,13 +137,20 @@ class CurveJoints:
     def _like(self) -> list[LikeJoints]:
         return like_joints(self.tree)
 
-    def read(self, poses: LinkPoses) -> Array:
-        """Return the coordinates at n poses, (n, columns) in SI; angles in (-pi, pi]."""
-        n = poses.position.shape[2]
+    @cached_property
+    def _in_tree(self) -> NDArray[np.intp]:
+        """Columns of the tree's joints, and their indices among its coordinates, (2, k)."""
+        indices = np.array([self.tree.index_of.get(column.coordinate, -1) for column in self.columns])
+        return np.stack([np.flatnonzero(indices >= 0), indices[indices >= 0]])
+
+    def read(self, q: Coordinates, poses: LinkPoses) -> Array:
+        """Return the coordinates at n sets of those of the tree and poses, (n, columns) in SI."""
+        n = len(q)
         position = np.concatenate([poses.position.transpose(0, 2, 1), np.zeros((1, n, 3))])
         ground = np.broadcast_to(np.eye(3), (1, n, 3, 3))
         rotation = np.concatenate([poses.rotation.transpose(0, 3, 1, 2), ground])
-        values = np.empty((n, len(self.columns)))
+        values, (columns, indices) = np.empty((n, len(self.columns))), self._in_tree
+        values[:, columns] = q.values[indices].T
         for like in self._like:
             values[:, like.columns] = like.coordinates(position, rotation).swapaxes(0, 1)
         return values
@@ -155,7 +162,7 @@ class CurveJoints:
         last: Array | None = None
         angles = self.angular > 0.0
         for segment in self.traced.segments:
-            values = self.read(link_poses(self.tree, segment.coordinates))
+            values = self.read(segment.coordinates, link_poses(self.tree, segment.coordinates))
             values[:, angles] = np.unwrap(values[:, angles], axis=0)
             if last is not None:
                 values += self.angular * REVOLUTION * np.round((last - values[0]) / REVOLUTION)
@@ -396,9 +403,9 @@ class AssemblyCurve:
             singular = np.zeros(len(rows), dtype=np.bool_)
             for branch_point in self.branch_points:
                 singular |= np.abs(arcs[rows] - branch_point) < MIN_DISTANCE_FROM_BRANCH_POINT
-            placed = self.loops.corrected(segment.solver, segment.evaluate(arcs[rows]), singular)
+            q, placed = self.loops.corrected(segment.solver, segment.evaluate(arcs[rows]), singular)
             interpolated = self.joints.tables.evaluate(arcs[rows])
-            joints = self.joints.read(placed)
+            joints = self.joints.read(q, placed)
             joints += self.joints.angular * REVOLUTION * np.round((interpolated - joints) / REVOLUTION)
             yield rows, joints + self._revolution_offsets, placed
 

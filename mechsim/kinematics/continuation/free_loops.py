@@ -146,6 +146,8 @@ def split_motion(loops: TreeLoops, poses: LinkPoses, free: Array) -> tuple[Array
 
 # a branch point has a singular value below this fraction of the largest, and a residual of at most this
 SINGULAR_RATIO, MAX_RESIDUAL = 1e-7, 2e-13
+# multiple of its largest change between two arcs of a grid that it does not lose between them
+MAX_CHANGES = 4.0
 # relative error of the singular values of nodes, which only show where to search for a branch point
 NODE_ERROR = 1e-2
 # Newton's method from the prediction of a node, to rounding; and two steps from a pose that is interpolated
@@ -179,17 +181,13 @@ class PlacedNodes:
 
 
 @dataclass(frozen=True)
-class PerpendicularNodes:
-    """The equations of nodes that move perpendicular to a curve, for `numerics.newton`.
+class PerpendicularNodes(PlacedNodes):
+    """The same for nodes that move perpendicular to a curve: the equations after the rank do not count.
 
     Attributes:
-        solver: the equations.
-        rank: number of independent ones; those after them do not count.
         singular: nodes that do not move, (n,).
     """
 
-    solver: TreeSolver
-    rank: int
     singular: NDArray[np.bool_]
 
     def linearise(self, q: Coordinates) -> Linearised:
@@ -199,10 +197,6 @@ class PerpendicularNodes:
         if not self.singular.any():
             return linearised
         return replace(linearised, systems=regularised(linearised.matrix, self.singular))
-
-    def retract(self, q: Coordinates, step: Array) -> Coordinates:
-        """Return configurations displaced by steps of the unknowns, (n, u)."""
-        return self.solver.retract(q, step)
 
 
 @dataclass(frozen=True, slots=True)
@@ -300,11 +294,13 @@ class FreeLoops:
         features, least = self.features.values(system.poses), system.smallest_of_all(self.rank, NODE_ERROR)
         return CorrectedNodes(coordinates, features, rates, along, length, least, system.determinant[0])
 
-    def corrected(self, solver: TreeSolver, rows: Array, singular: NDArray[np.bool_]) -> LinkPoses:
-        """Return the poses of approximate rows corrected to rounding level; singular ones stay unchanged."""
-        return newton(
-            PerpendicularNodes(solver, self.rank, singular), self.unflat(rows), FINAL
-        ).linearised.poses
+    def corrected(
+        self, solver: TreeSolver, rows: Array, singular: NDArray[np.bool_]
+    ) -> tuple[Coordinates, LinkPoses]:
+        """Return approximate rows corrected to rounding level, and their poses; singular ones stay."""
+        nodes = PerpendicularNodes(solver, self.rank, np.zeros(len(rows)), singular)
+        result = newton(nodes, self.unflat(rows), FINAL)
+        return result.q, result.linearised.poses
 
     def branch_point(
         self, solver: TreeSolver, rows: Callable[[Array], Array], low: float, high: float, largest: float
@@ -322,7 +318,11 @@ class FreeLoops:
         def singularity(arcs: Array) -> Array:
             return -solver.linearise(self.unflat(rows(arcs))).smallest_of_all(self.rank)
 
-        best, negative = peak(singularity, np.linspace(low, high, PEAK_POINTS))
+        grid = np.linspace(low, high, PEAK_POINTS)
+        values = singularity(grid)
+        if -values.max() > MAX_CHANGES * np.abs(np.diff(values)).max():
+            return None
+        best, negative = peak(singularity, grid)
         if not -negative < SINGULAR_RATIO * largest:
             return None
         residual, jacobian, _ = self.loops.linearise(self.unflat(rows(np.array([best]))))

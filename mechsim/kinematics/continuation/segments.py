@@ -7,7 +7,7 @@ located, and no node lies near it, since the equations are singular there.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -74,6 +74,8 @@ SHORT_LENGTH, LOW_DEGREE = 1e-3, 3
 MAX_INTERPOLATION_ERROR, MAX_CORRECTOR_DISPLACEMENT = 3e-9, 2e-2
 # least cosine between the tangents at a segment's start and at any of its nodes
 MIN_COSINE = 0.5
+# angle between these tangents for which the next segment is planned
+MAX_GROWTH_ANGLE = 0.9 * float(np.arccos(MIN_COSINE))
 # arc length that nodes keep from a branch point, which is searched for where the singular value that vanishes
 # there is below SEARCH_RATIO of the largest
 MIN_DISTANCE_FROM_BRANCH_POINT, SEARCH_RATIO = 2e-3, 0.3
@@ -93,6 +95,7 @@ class CurveSegment(Interpolant):
         tangent: rates of the unknown coordinates at its end, in their units, (unknowns,).
         solver: solves its poses.
         largest_singular_value: maximum so far of the singular value that vanishes at branch points.
+        longest: arc length that its accuracy and its change of direction would have allowed.
     """
 
     coordinates: Coordinates
@@ -100,6 +103,7 @@ class CurveSegment(Interpolant):
     tangent: Array
     solver: TreeSolver
     largest_singular_value: float
+    longest: float
 
     @cached_property
     def feature_rates(self) -> Interpolant:
@@ -227,7 +231,11 @@ def _next_segment(
     if any(np.abs(segment.nodes - arc).min() < MIN_DISTANCE_FROM_BRANCH_POINT for arc in branch_points):
         return None, [], 0.87 * length
     growth = 0.8 * (MAX_INTERPOLATION_ERROR / max(error, 1e-16)) ** (2.0 / NODES)
-    return segment, branch_points, min(MAX_LENGTH, max(0.5, min(growth, 2.0)) * segment.length)
+    longest = min(MAX_LENGTH, max(0.5, min(growth, segment.longest / segment.length)) * segment.length)
+    # where these lengths decrease, towards high curvature, they go on to do so
+    change = min(1.0, longest / traced[-1].longest) if traced else 1.0
+    next_length = max(0.5 * segment.length, change * longest)
+    return replace(segment, longest=longest), branch_points, next_length
 
 
 def _accepted_segment(
@@ -253,8 +261,11 @@ def _accepted_segment(
         through(arcs, values) for values in (loops.loops.flat(nodes.coordinates), nodes.features)
     )
     largest = max(largest, float(nodes.singular_values.max()))
+    angle = float(np.arccos(np.minimum(cosines, 1.0)).max())
+    longest = min(2.0, MAX_GROWTH_ANGLE / max(angle, 1e-16)) * (arcs[-1] - low)
+    tangent = nodes.tangents[-1]
     return CurveSegment(
-        arcs, curve.states, curve.weights, nodes.coordinates, features, nodes.tangents[-1], solver, largest
+        arcs, curve.states, curve.weights, nodes.coordinates, features, tangent, solver, largest, longest
     )
 
 

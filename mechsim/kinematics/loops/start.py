@@ -135,6 +135,9 @@ BRANCH_CUTOFF = 1e-6
 SLIDE_RANGE = 2.0
 # bytes of the Jacobians of random starts that are solved together, and products for each row in a band
 CHUNK_BYTES, PRODUCTS = 4e6, 14
+# product of the number of starts and the cube of the unknowns above which a band saves more than the import
+# of scipy
+BANDED_WORK = 3e6
 # distance from a branch point at which its branches are searched, in [rad] or characteristic lengths, and
 # number of directions
 BRANCH_DISTANCE, DIRECTIONS = 0.05, 16
@@ -203,7 +206,8 @@ def all_closed(loops: TreeLoops, q: Coordinates) -> Coordinates:
 
 def _approached(loops: TreeLoops, q: Coordinates) -> NewtonResult[Coordinates, Any]:
     """Return configurations after damped Gauss-Newton steps; those of many unknowns are solved in a band."""
-    if len(q) and len(loops.unknown) >= MIN_UNKNOWNS:
+    unknowns = len(loops.unknown)
+    if len(q) and (unknowns >= MIN_UNKNOWNS or len(q) * unknowns**3 > BANDED_WORK):
         from mechsim.numerics.damped_band import DampedLoops
 
         if (normal := loops.normal_band) is not None:
