@@ -136,6 +136,9 @@ class UpdatedFriction:
 
     def update(self, data: mujoco.MjData) -> None:
         """Set the friction of the next step by the constraint forces of the present state."""
+        # a step leaves the rates of tendons and controls that were before it; the first one has none
+        mujoco.mj_fwdPosition(self.loops.model, data)
+        mujoco.mj_fwdVelocity(self.loops.model, data)
         resting, rates = self._resting(data), self._rates(data)
         changed, self.resting, self.rates = bool((resting != self.resting).any()), resting, rates
         if changed or not self.history:
