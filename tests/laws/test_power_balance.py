@@ -35,7 +35,7 @@ def every_force(mechanism):
         gravity=(1.3, -4.2, -8.1),
         friction=(ms.Friction(single_dof[-1], 0.02, 0.03), ms.Friction(single_dof[0], 0.004, 0.006)),
         springs=(ms.Spring((GROUND, (0.02, 0.03, 0.11)), point, 40.0, 0.03, 0.5),),
-        joint_springs=(ms.JointSpring(single_dof[-1], 0.3, 0.1),),
+        joint_springs=(ms.JointSpring(single_dof[-1], 0.3, 0.1), ms.JointSpring(single_dof[-1], 0.2, -0.4)),
         loads=(ms.Load(point, ms.load_profile.constant(PUSH)),),
         couples=(Couple(link, ms.load_profile.constant(TWIST)),),
     )

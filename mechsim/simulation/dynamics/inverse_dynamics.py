@@ -28,7 +28,7 @@ from mechsim.simulation.dynamics.applied_forces import (
 )
 from mechsim.simulation.dynamics.bushings import bushing_forces
 from mechsim.simulation.dynamics.load_friction import friction_of_state, rubbing_coordinates
-from mechsim.simulation.dynamics.loaded_model import SITE, AppliedForces, LoadedModel
+from mechsim.simulation.dynamics.loaded_model import AppliedForces, LoadedModel
 from mechsim.simulation.dynamics.reactions import transmitted
 from mechsim.simulation.poses import follow
 from mechsim.simulation.poses.change_points import ChangePoint, NearRows, moved_away
@@ -179,9 +179,10 @@ def force_record(
     everything = together(state.outer, placed, loops, coupled, drive_forces)
     fields = loaded.look(loaded.looking(native=False), state.states, everything)
     lost, outer, motor = powers(loaded, state)
-    # twice the energy of springs in cut joints, which MuJoCo's energy omits
-    angular = np.where(loaded.model.actuator_trntype == SITE, -loaded.model.actuator_biasprm[:, 1], 0.0)
-    wound = (angular * state.plain["actuator_length"] ** 2).sum(1)
+    # twice the energy of springs that are actuators, which MuJoCo's energy omits
+    springs = loaded.actuators.springs
+    stiffness = np.maximum(-loaded.model.actuator_biasprm[springs, 1], np.finfo(np.float64).tiny)
+    wound = (state.plain["actuator_force"][:, springs] ** 2 / stiffness).sum(1)
     rates = state.states.qvel
     # scale of the residual: accelerations are zero in uniform rotation and tiny in slow motion, so the square
     # of the crank speed and the accelerations with open loops count too

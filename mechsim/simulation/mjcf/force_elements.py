@@ -239,13 +239,22 @@ def _depend_on_state(made: mujoco.MjsActuator, by_angle: float, by_rate: float) 
 
 
 def _add_joint_spring(builder: Builder, spring: JointSpring) -> None:
-    joint = builder.mechanism.joint(spring.joint)
+    joint, name = builder.mechanism.joint(spring.joint), SPRING + spring.joint
+    if builder.spec.actuator(name) is not None:
+        name += f" {len(builder.spec.actuators)}"
     for model_joint in builder.model_joints(joint):
-        model_joint.stiffness = _linear(spring.stiffness + float(model_joint.stiffness[0]))
-        model_joint.springref = spring.rest
+        if model_joint.stiffness[0]:
+            # one more spring in the joint
+            made = builder.spec.add_actuator(
+                name=name, target=model_joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT
+            )
+            _depend_on_state(made, -spring.stiffness, 0.0)
+            made.biasprm[0] = spring.stiffness * spring.rest
+        else:
+            model_joint.stiffness, model_joint.springref = _linear(spring.stiffness), spring.rest
         return
     # in a cut joint: the frame contains the rest angle, and the angle relative to it wraps opposite to it
-    _depend_on_state(_about(builder, SPRING + joint.name, joint, spring.rest), -spring.stiffness, 0.0)
+    _depend_on_state(_about(builder, name, joint, spring.rest), -spring.stiffness, 0.0)
 
 
 def _add_spring(builder: Builder, name: str, spring: Spring) -> None:
