@@ -85,11 +85,10 @@ def show(
         _print_structure(data, solver)
         if "crank_range" in data:
             _print_crank(data)
-            _print_assemblies(data, shown)
         elif data["duration"] is not None:
             typer.echo(f"duration of the motion laws: {number(data['duration'])} s")
-            if "assemblies" in data:
-                _print_assemblies(data, shown)
+        if "assemblies" in data:
+            _print_assemblies(data, shown)
 
     return Result(data | findings_in_json(findings), text)
 

@@ -9,11 +9,13 @@ import numpy as np
 from mechsim.compare.record_errors import lengths
 from mechsim.errors import MechsimError, SingularStartError, several
 from mechsim.kinematics.loops.mobility import driver_determinacy
+from mechsim.kinematics.loops.start import start_poses
 from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.mechanism.belts import belts_of
 from mechsim.mechanism.force_record import ForceRecord, Reaction
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.meshes import threads_of
+from mechsim.mechanism.motion_laws import make_motion_laws, steady
 from mechsim.numerics.arrays import REVOLUTION, ROUNDING, Array
 
 if TYPE_CHECKING:
@@ -39,7 +41,10 @@ def facts(solver: KinematicSolver, angle: float | None = None, *, searched: bool
         record |= _mobility(solver)
         determined, driven = record["outcome"] == "determined", not solver.motion_laws.crank
         if not solver.mechanism.has_crank or driven or not determined:
-            return record | (assembly_facts(solver, 0.0, searched) if determined and driven else {})
+            if not determined or not solver.mechanism.drivers:
+                return record
+            moved = solver if driven else _moved_from_start(solver)
+            return record | assembly_facts(moved, 0.0, searched)
     mechanism, start = solver.mechanism, solver.mechanism.start
     try:
         arcs = solver.crank_range()
@@ -74,6 +79,14 @@ def facts(solver: KinematicSolver, angle: float | None = None, *, searched: bool
         "assur_groups": groups,
         "assur_explained": explained,
     }
+
+
+def _moved_from_start(solver: KinematicSolver) -> KinematicSolver:
+    """Return the solver with motion laws from the start for drivers without any, which are no crank."""
+    mechanism = solver.mechanism
+    values = start_poses(mechanism)[1]
+    laws = {name: steady(values[name], 1.0) for name in mechanism.drivers}
+    return replace(solver, motion_laws=make_motion_laws(mechanism, laws, 1.0))
 
 
 def _described(solver: KinematicSolver) -> dict[str, Any]:
