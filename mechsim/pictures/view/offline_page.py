@@ -2,7 +2,7 @@
 
 import base64
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from functools import cache
 from pathlib import Path
@@ -157,19 +157,23 @@ def _some_poses(mechanism: Mechanism, grids: Sequence[PoseGrid]) -> dict[str, Po
 
 def _bodies(shapes: Mapping[str, Sequence[Shape]]) -> dict[str, Any]:
     """Return link -> its solids."""
-    frames = [shape.frame for own in shapes.values() for shape in own if shape.facets is None]
+    # the orientations of all at once
+    frames = [shape.frame for own in shapes.values() for shape in own]
     turns = iter(quaternions(np.reshape(frames, (-1, 3, 3))))
-    return {link: [_solid(shape, turns) for shape in own] for link, own in shapes.items()}
+    return {
+        link: [_solid(shape, turn) for shape, turn in zip(own, turns, strict=False)]
+        for link, own in shapes.items()
+    }
 
 
-def _solid(shape: Shape, turns: Iterator[Array]) -> dict[str, Any]:
-    """Return a solid; one without facets takes the next quaternion."""
+def _solid(shape: Shape, turn: Array) -> dict[str, Any]:
+    """Return a solid, from its shape and the quaternion of its frame."""
     solid = {"kind": shape.kind}
     if shape.facets is not None:
         solid |= {"at": [0.0, 0.0, 0.0], "turn": [1.0, 0.0, 0.0, 0.0], "half": []}
         solid |= {"vertices": _packed(shape.facets.vertices), "faces": _packed(shape.facets.faces, "<u4")}
     else:
-        solid |= {"at": _short(shape.centre), "turn": _short(next(turns))}
+        solid |= {"at": _short(shape.centre), "turn": _short(turn)}
         solid |= {"half": _short(shape.half_sizes)}
     return solid | {"rgba": _short(shape.rgba, 3)}
 
