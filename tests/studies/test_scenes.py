@@ -6,7 +6,7 @@ import pytest
 from model_files import model_text
 from scene_texts import DRIVEN, FINGER, scene
 
-from mechsim.errors import AssemblyError, InputError
+from mechsim.errors import AssemblyError
 from mechsim.studies.scene.converged_reference import compute_reference, hardened
 from mechsim.studies.scene.errors import SceneEvaluator, cubic_interpolation, sampled_run
 from mechsim.studies.scene.open_scene import open_scene
@@ -169,11 +169,6 @@ def test_a_scene_with_actuators_between_sites_closes_at_independent_joints(tmp_p
     assert run.displacement_range > 1e-4
     # a soft loop: not zero, and far below the motion
     assert 1e-9 < errors.closure < 0.1 * run.displacement_range
-
-
-def test_an_unknown_actuator_is_rejected(tmp_path):
-    with pytest.raises(InputError, match=r"--ctrl names 'motor'; actuators of the model are servo"):
-        scene(tmp_path, ctrl={"motor": "1"})
 
 
 def test_an_unreachable_start_of_motion_laws_is_rejected(tmp_path):
