@@ -46,7 +46,8 @@ STARTS = 20
 MAX_STARTS = 100_000
 # number of additional random configurations for mechanisms without loops
 RANDOM_CONFIGURATIONS = 10
-# largest number of sets of stops that are tried for a mechanism with several degrees of freedom
+# largest number of sets of stops that are tried for a mechanism with several degrees of freedom: three joints
+# with two stops each have 26 sets, four have 80
 STOP_SETS = 60
 # length of one of these random steps, in [rad] or characteristic lengths
 RANDOM_STEP = 0.7

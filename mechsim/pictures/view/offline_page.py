@@ -161,19 +161,19 @@ def _bodies(shapes: Mapping[str, Sequence[Shape]]) -> dict[str, Any]:
     frames = [shape.frame for own in shapes.values() for shape in own]
     turns = iter(quaternions(np.reshape(frames, (-1, 3, 3))))
     return {
-        link: [_solid(shape, turn) for shape, turn in zip(own, turns, strict=False)]
+        link: [_solid(shape, axes) for shape, axes in zip(own, turns, strict=False)]
         for link, own in shapes.items()
     }
 
 
-def _solid(shape: Shape, turn: Array) -> dict[str, Any]:
-    """Return a solid, from its shape and the quaternion of its frame."""
+def _solid(shape: Shape, axes: Array) -> dict[str, Any]:
+    """Return a solid, from its shape and the quaternion of its axes."""
     solid = {"kind": shape.kind}
     if shape.facets is not None:
         solid |= {"at": [0.0, 0.0, 0.0], "turn": [1.0, 0.0, 0.0, 0.0], "half": []}
         solid |= {"vertices": _packed(shape.facets.vertices), "faces": _packed(shape.facets.faces, "<u4")}
     else:
-        solid |= {"at": _short(shape.centre), "turn": _short(turn)}
+        solid |= {"at": _short(shape.centre), "turn": _short(axes)}
         solid |= {"half": _short(shape.half_sizes)}
     return solid | {"rgba": _short(shape.rgba, 3)}
 
