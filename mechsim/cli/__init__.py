@@ -87,6 +87,14 @@ class PlainCommand(TyperCommand):
         """Return the parameters."""
         return _converted_late(super().get_params(ctx))
 
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Parse the words of a command; reject a second value of an option that takes one."""
+        order: list[Any] = [*self.make_parser(ctx).parse_args(args=[*args])[2]]
+        for parameter in (each for each in order if each.param_type_name == "option"):
+            if order.count(parameter) > 1 and not (parameter.multiple or parameter.is_flag):
+                raise InputError(f"{max(parameter.opts, key=len)} takes one value; give it once")
+        return super().parse_args(ctx, args)
+
     def format_help_text(self, ctx: Any, formatter: Any) -> None:
         """Write the description of the command without its examples."""
         formatter.write_paragraph()
