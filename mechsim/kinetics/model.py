@@ -19,6 +19,7 @@ from mechsim.mechanism.masses import STEEL, LinkMass, masses_of, with_inertia
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.motion import Motion, at_unit_speed, short_repr
 from mechsim.mechanism.motion_laws import MotionLaws
+from mechsim.numerics.arrays import Array
 
 # number of sources and models that are not set up again when they run again
 REPEATED = 4
@@ -60,10 +61,19 @@ class DynamicModel:
         """
         values = np.atleast_1d(np.asarray(angles, dtype=np.float64))
         if as_run is None or not as_run.drivers:
-            motion = self.solver.whole_motion(values)
+            motion = self._counted(self.solver.whole_motion(values), values)
         else:
             motion = self.solver.whole_motion_as(at_unit_speed(as_run))
         return from_motion(self.mechanism, self.solver.within_ranges(motion) if within else motion)
+
+    def _counted(self, motion: Motion, angles: Array) -> Motion:
+        """Return a motion in which hinges with springs count revolutions; formulas have them within one."""
+        mechanism = self.solver.mechanism
+        names = [n for n in self.forces.sprung if mechanism.unit(n) == "rad" and n not in mechanism.drivers]
+        if not names or self.solver.closed_form is None:
+            return motion
+        by_loops = self.solver.by_loop_equations(angles).whole_motion(angles)
+        return replace(motion, joints={**motion.joints, **{name: by_loops.joints[name] for name in names}})
 
     def starting_at(self, angles: ArrayLike, direction: float = 1.0) -> DynamicModel:
         """Return the model in the assembly mode that is selected at the first crank angle."""

@@ -247,6 +247,11 @@ class Forces:
         return names | {name for actuator in self.actuators for name in actuator.gear} | {*self.armature}
 
     @property
+    def uncut(self) -> set[str]:
+        """Coordinates at which no loop is cut: the controlled, and of springs, which count revolutions."""
+        return self.controlled | {*self.sprung}
+
+    @property
     def stop_ranges(self) -> dict[str, tuple[float, float]]:
         """Coordinate -> its range between soft stops, infinite where there is none."""
         if not self.nonlinear_springs:

@@ -142,11 +142,11 @@ void add_velocity_products(const mjModel *m, mjData *d) {
     }
 }
 
-/* nonlinear spring, whose control is the tension, or a soft stop on one side; `offset` is the length at which
-   MuJoCo's is zero. The expression has the length as coordinate 0 and the rate as rate 0 */
+/* nonlinear spring, whose control is the tension, or a soft stop on one side. The expression has the length as
+   coordinate 0 and the rate as rate 0 */
 typedef struct {
     int control, table, over_rate;
-    double side, offset, rest, stiffness, damping, preload;
+    double side, rest, stiffness, damping, preload;
     Expression expression;
 } Spring;
 
@@ -260,7 +260,7 @@ static void react(mjData *d) {
     }
     for (int i = 0; i < forces->count[SPRINGS]; i++) {
         const Spring *one = forces->spring + i;
-        d->ctrl[one->control] = tension(one, length[one->control] + one->offset, rate[one->control]);
+        d->ctrl[one->control] = tension(one, length[one->control], rate[one->control]);
     }
     for (int i = 0; i < forces->count[BUSHINGS]; i++) {
         int k = forces->bushing[i].control;

@@ -61,7 +61,7 @@ def test_a_joint_with_an_actuator_is_never_cut() -> None:
     for acting in (["A"], ["rocker", "B"]):
         assert {joint.name for joint in cut_loops(mechanism, acting=acting).cuts}.isdisjoint(acting)
         with pytest.raises(
-            ms.InputError, match=f"joint '{acting[-1]}' is moved by an actuator and cannot be cut"
+            ms.InputError, match=f"joint '{acting[-1]}' is moved by an actuator or a spring and cannot"
         ):
             cut_loops(mechanism, (acting[-1],), acting=acting)
     # with one on each joint, a joint is split instead

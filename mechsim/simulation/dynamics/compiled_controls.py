@@ -15,11 +15,11 @@ from mechsim.mechanism.instructions import (
     Variable,
 )
 from mechsim.mechanism.nonlinear_springs import SoftStop
-from mechsim.simulation.dynamics.loaded_model import SITE, LoadedModel
+from mechsim.simulation.dynamics.loaded_model import LoadedModel
 from mechsim.simulation.mjcf.force_elements import AXES, native
 from mechsim.simulation.velocity_products import CallbackData, callback_data
 
-_CONSTANTS = ("side", "offset", "rest", "stiffness", "damping", "preload")
+_CONSTANTS = ("side", "rest", "stiffness", "damping", "preload")
 _MATRIX = ("f8", (6, 6))
 SPRING = np.dtype(
     [
@@ -116,7 +116,6 @@ def _springs(model: LoadedModel, added: Instructions) -> np.ndarray[Any, Any]:
         for name, value in added.add_spring(spring).items():
             row[name] = value
         row["control"] = i
-        row["offset"] = spring.law.reference if model.model.actuator_trntype[i] == SITE else 0.0
         if isinstance(law := spring.law, SoftStop):
             if law.exponent != 1.0:
                 raise NotCompiledError("a contact law of Hertz")

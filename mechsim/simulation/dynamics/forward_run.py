@@ -288,7 +288,7 @@ def _cuts_elsewhere(mechanism: Mechanism, forces: Forces, kept: set[str]) -> tup
     """Return joints to cut other than those of coordinates to keep and of friction; None if none suffice."""
     joints = {joint.name for joint in mechanism.joints if kept.intersection(joint.coordinates)}
     joints |= {friction.joint for friction in forces.friction if friction.dry}
-    cuts = tuple(joint.name for joint in cut_loops(mechanism, keep=joints, acting=forces.controlled).cuts)
+    cuts = tuple(joint.name for joint in cut_loops(mechanism, keep=joints, acting=forces.uncut).cuts)
     return cuts if {*cuts} <= {joint.name for joint in mechanism.joints} else None
 
 

@@ -130,10 +130,8 @@ class LoadedModel(ClosedModel):
 
     def springs(self, length: Array, velocity: Array) -> tuple[Array, Array]:
         """Return lengths and rates of the nonlinear springs, from those of actuators, (n, nu) each."""
-        columns, springs = self.actuators.nonlinear, self.forces.nonlinear_springs
-        offsets = np.array([spring.law.reference for spring in springs])
-        offsets *= self.model.actuator_trntype[columns] == SITE
-        return length[:, columns] + offsets, velocity[:, columns]
+        columns = self.actuators.nonlinear
+        return length[:, columns], velocity[:, columns]
 
     @property
     def bushings(self) -> Iterator[tuple[Bushing, slice]]:

@@ -1,8 +1,8 @@
 """Forces of a MuJoCo model: springs, dampers, friction, loads, drive inertia, motor.
 
-Springs between points are tendons. Forces in a tree joint along its own coordinate belong to the joint. A
-force in a cut joint is an actuator between two sites without a control: its value is an affine function of
-length and speed, the length an angle between -pi and pi.
+Springs between points are tendons. Forces in a tree joint along its own coordinate belong to the joint; no
+loop is cut at a joint with a spring. Friction in a cut joint is an actuator between two sites without a
+control: its value is an affine function of the speed.
 """
 
 from collections.abc import Mapping, Sequence
@@ -16,7 +16,7 @@ from mechsim.mechanism.actuators import Actuator
 from mechsim.mechanism.forces import Forces, Friction, JointSpring, Location, Spring, located
 from mechsim.mechanism.joint_kinds import KINDS
 from mechsim.mechanism.joints import End, Joint
-from mechsim.mechanism.links import ORIGIN, vector
+from mechsim.mechanism.links import ORIGIN
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.motion_plane import plane_normals
 from mechsim.mechanism.motors import ConstantTorque, DCMotor, Geared, Motor
@@ -242,19 +242,16 @@ def _add_joint_spring(builder: Builder, spring: JointSpring) -> None:
     joint, name = builder.mechanism.joint(spring.joint), SPRING + spring.joint
     if builder.spec.actuator(name) is not None:
         name += f" {len(builder.spec.actuators)}"
-    for model_joint in builder.model_joints(joint):
-        if model_joint.stiffness[0]:
-            # one more spring in the joint
-            made = builder.spec.add_actuator(
-                name=name, target=model_joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT
-            )
-            _depend_on_state(made, -spring.stiffness, 0.0)
-            made.biasprm[0] = spring.stiffness * spring.rest
-        else:
-            model_joint.stiffness, model_joint.springref = _linear(spring.stiffness), spring.rest
-        return
-    # in a cut joint: the frame contains the rest angle, and the angle relative to it wraps opposite to it
-    _depend_on_state(_about(builder, name, joint, spring.rest), -spring.stiffness, 0.0)
+    (model_joint,) = builder.model_joints(joint)
+    if model_joint.stiffness[0]:
+        # one more spring in the joint
+        made = builder.spec.add_actuator(
+            name=name, target=model_joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT
+        )
+        _depend_on_state(made, -spring.stiffness, 0.0)
+        made.biasprm[0] = spring.stiffness * spring.rest
+    else:
+        model_joint.stiffness, model_joint.springref = _linear(spring.stiffness), spring.rest
 
 
 def _add_spring(builder: Builder, name: str, spring: Spring) -> None:
@@ -276,12 +273,9 @@ def _add_nonlinear_spring(builder: Builder, name: str, spring: NonlinearSpring) 
     if not isinstance(spring.ends, str):
         _add_line(builder, name, spring.ends)
         made = builder.spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_TENDON)
-    elif builder.model_joints(joint := builder.mechanism.joint_with(spring.ends)[0]):
+    else:
         target = model_names(builder.mechanism)[spring.ends]
         made = builder.spec.add_actuator(name=name, target=target, trntype=mujoco.mjtTrn.mjTRN_JOINT)
-    else:
-        # the length is the angle from the reference, between -pi and pi
-        made = _about(builder, name, joint, spring.law.reference)
     made.gainprm[0] = -1.0
 
 
@@ -292,13 +286,6 @@ def _add_bushings(builder: Builder, bushings: Sequence[Bushing]) -> None:
             site = builder.site(f"bushing {bushing.name}.{side}", end)
             for axis, gear in zip(BUSHING_AXES, np.eye(6), strict=True):
                 _between(builder.spec, f"{site}.{axis}", site, "ground axes", gear)
-
-
-def _about(builder: Builder, name: str, joint: Joint, angle: float) -> mujoco.MjsActuator:
-    """Add a couple about the axis of a joint, whose length is the joint's angle relative to an angle."""
-    reference = vector(joint.a.frame @ np.array([np.cos(angle), np.sin(angle), 0.0]))
-    a = builder.site(f"{name}.a", End(joint.a.link, joint.a.point, joint.a.axis, reference))
-    return _between(builder.spec, name, builder.site(f"{name}.b", joint.b), a, np.eye(6)[5])
 
 
 def _add_friction(builder: Builder, friction: Friction) -> None:

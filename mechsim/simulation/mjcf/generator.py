@@ -64,7 +64,7 @@ def generate(mechanism: Mechanism, scene: Scene, poses: Mapping[str, Pose] | Non
         )
     forces = scene.acting if scene.holds("dynamics") else None
     rubbing = {friction.joint for friction in forces.friction if friction.dry} if forces else ()
-    acting = forces.controlled if forces else ()
+    acting = forces.uncut if forces else ()
     if forces is not None:
         mechanism = with_accepted_inertia(mechanism)
     elif scene.holds("motion"):

@@ -61,7 +61,7 @@ def cut_loops(
         "driven": {joint.name for joint in mechanism.driven_joints},
         "held": joints_with(mechanism, mechanism.locked),
         "geared": joints_with(mechanism, [name for law in mechanism.laws for name in law.coordinates]),
-        "moved by an actuator": joints_with(mechanism, acting),
+        "moved by an actuator or a spring": joints_with(mechanism, acting),
     }
     requested, needed = set(cut or ()), set[str]().union(*reasons.values())
     _require_cuttable(mechanism, requested, reasons)
