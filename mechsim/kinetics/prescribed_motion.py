@@ -23,7 +23,7 @@ from mechsim.numerics.arrays import Array, cross, require
 from mechsim.numerics.resources import Progress, no_progress, require_memory
 
 # number of instants solved together, at most, and products of these and the number of links: 200 MB
-BATCH_SIZE, BATCH_LINKS = 4096, 32768
+BATCH_SIZE, BATCH_LINKS = 4096, 49152
 # numbers stored per instant, and per joint and instant; each exists twice while chunks are merged
 NUMBERS_PER_INSTANT, NUMBERS_PER_JOINT, COPIES = 40.0, 27.0, 16.0
 FEWER = "take {most} instants at the most"

@@ -360,9 +360,8 @@ def _reactions(mechanism: Mechanism, loads: Sequence[JointLoad], sound: NDArray[
     determined, projectors = dict[int, NDArray[np.bool_]](), dict[int, Array]()
     for count, members in alike.items():
         alone = np.stack([stresses[i] for i in members])
-        determined |= zip(
-            members, np.abs(alone[:, sound]).max((1, 3), initial=0.0) <= DETERMINED, strict=True
-        )
+        largest = np.abs(alone[:, sound]).max(1, initial=0.0).max(-1, initial=0.0)
+        determined |= zip(members, largest <= DETERMINED, strict=True)
         if count:
             projectors |= zip(members, _determined_projectors(alone), strict=True)
     return [
@@ -380,10 +379,22 @@ def _reactions(mechanism: Mechanism, loads: Sequence[JointLoad], sound: NDArray[
 
 
 def _determined_projectors(alone: Array) -> Array:
-    """Return projections of forces and moments on the components without self-stress, (j, n, 2, 3, 3)."""
-    u, values, _ = np.linalg.svd(alone.reshape(*alone.shape[:2], 2, 3, -1), full_matrices=False)
-    loose = u * (values > DETERMINED)[..., None, :]
-    return np.eye(3) - loose @ np.swapaxes(loose, -1, -2)
+    """Return projections of forces and moments on the components without self-stress, (j, n, 2, 3, 3).
+
+    P = 1 - sum of u u' over an orthonormal basis u of those of self-stresses (Gram and Schmidt, with pivots).
+    """
+    rest = alone.reshape(*alone.shape[:2], 2, 3, -1)
+    projector = np.broadcast_to(np.eye(3), (*rest.shape[:3], 3, 3))
+    for _ in range(3):
+        length = np.sqrt((rest**2).sum(-2, keepdims=True))
+        longest = length.argmax(-1)[..., None]
+        length = np.take_along_axis(length, longest, -1)
+        if not (loose := length > DETERMINED).any():
+            break
+        u = np.where(loose, np.take_along_axis(rest, longest, -1), 0.0) / np.where(loose, length, 1.0)
+        projector = projector - u * np.swapaxes(u, -1, -2)
+        rest = rest - u * (u * rest).sum(-2, keepdims=True)
+    return projector
 
 
 def _wrenches(

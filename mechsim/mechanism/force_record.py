@@ -64,7 +64,7 @@ class Reaction:
         """Names of undetermined components that a determined combination of components contains."""
         if self.projector is None:
             return ()
-        rows = np.abs(self.projector).max((0, 3)).reshape(len(COMPONENTS))
+        rows = np.abs(self.projector).max(0).max(-1).reshape(len(COMPONENTS))
         components = zip(COMPONENTS, self.is_determined, rows > PROJECTOR_ROUNDING, strict=True)
         return tuple(name for name, determined, partly in components if partly and not determined)
 

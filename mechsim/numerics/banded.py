@@ -21,6 +21,9 @@ NEGLIGIBLE = 1e-14
 MIN_RATIO = 4
 # largest number of Lanczos steps, number between two estimates, and their relative difference at the end
 LANCZOS_STEPS, BETWEEN, CONVERGED = 60, 3, 1e-14
+# size of separate blocks up to which their singular values are computed: as many equal loops have their
+# smallest ones close to each other, for which Lanczos' method takes tens of steps
+SMALL_BLOCK = 16
 # largest multiple of the right side that solutions of least norm may have; and number of random right sides
 # that show it: a smaller rank shows itself in one of them with a probability of 0.9999
 LARGEST, PROBES = 1e4, 2
@@ -121,6 +124,16 @@ class Band:
         return len(self.unknowns) * (2 * self.widths[0] + self.widths[1] + 1)
 
     @cached_property
+    def blocks(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """First positions of the blocks on the diagonal that no entry joins, and their sizes, (b,) each."""
+        count = len(self.unknowns)
+        joined = np.zeros(count + 1, dtype=np.intp)
+        np.add.at(joined, self.positions.min(0) + 1, 1)
+        np.add.at(joined, self.positions.max(0) + 1, -1)
+        starts = np.flatnonzero(joined[:-1].cumsum() == 0)
+        return starts, np.diff(starts, append=count)
+
+    @cached_property
     def parity(self) -> float:
         """Sign that both orders give the determinant, by the number of their cycles."""
         cycles = sum(cycle_count(order.tolist()) for order in (self.equations, self.unknowns))
@@ -192,6 +205,11 @@ class BandedSystems:
 
     def __len__(self) -> int:
         return self.values.shape[1]
+
+    def select(self, which: slice) -> "BandedSystems":
+        """Return the systems of some instants."""
+        border = None if self.border is None else self.border[which]
+        return BandedSystems(self.band, self.values[:, which], border)
 
     @cached_property
     def dense(self) -> Array:
@@ -292,19 +310,16 @@ class BandedSystems:
             return sign * border_sign, logarithm + border_logarithm
         return sign, logarithm
 
-    @cached_property
-    def smallest_singular_values(self) -> Array:
-        """Smallest singular value of each matrix A, (n,)."""
-        return self.least_singular_values(CONVERGED)
-
-    def least_singular_values(self, error: float) -> Array:
-        """Return the smallest singular value of each matrix A to a relative error, (n,).
+    def smallest_singular_values(self, error: float | None = None) -> Array:
+        """Return the smallest singular value of each matrix A to a relative error, by default rounding, (n,).
 
         It is the largest of the inverse.
 
         Source: Lanczos' method with complete reorthogonalisation for (A^T A)^-1; G. Golub and C. Van Loan,
         Matrix Computations (2013), chapter 10.
         """
+        if self.border is None and self.band.blocks[1].max() <= SMALL_BLOCK:
+            return self._smallest_of_blocks()
         n, count = len(self), len(self.band.equations)
         basis, projected = np.empty((LANCZOS_STEPS + 1, n, count)), np.zeros((n, *[LANCZOS_STEPS + 1] * 2))
         start = np.random.default_rng(0).standard_normal(count)
@@ -322,10 +337,32 @@ class BandedSystems:
             basis[k + 1] = ahead / np.where(length > 0.0, length, 1.0)[:, None]
             if k % BETWEEN == BETWEEN - 1:
                 largest = np.linalg.eigvalsh(projected[:, : k + 1, : k + 1])[:, -1]
-                if (largest - before <= error * largest).all():
+                if (largest - before <= (CONVERGED if error is None else error) * largest).all():
                     return 1.0 / np.sqrt(largest)
                 before = largest
         return np.asarray(np.linalg.svd(self.dense, compute_uv=False)[:, -1], dtype=np.float64)
+
+    def least_singular_value(self, error: float) -> float:
+        """Return the smallest singular value of the matrix with the smallest determinant."""
+        index = int(self.determinant[1].argmin())
+        return float(self.select(slice(index, index + 1)).smallest_singular_values(error)[0])
+
+    def _smallest_of_blocks(self) -> Array:
+        """Return the smallest singular value of each matrix of separate small blocks, (n,)."""
+        starts, sizes = self.band.blocks
+        i, j = self.band.positions
+        block = np.searchsorted(starts, i, "right") - 1
+        smallest = np.full(len(self), np.inf)
+        for count in np.unique(sizes):
+            number = np.cumsum(sizes == count) - 1
+            own = sizes[block] == count
+            matrices = np.zeros((len(self), number[-1] + 1, count, count))
+            index = number[block[own]], i[own] - starts[block[own]], j[own] - starts[block[own]]
+            # the entries, then those of the equations that state an unknown
+            values = np.concatenate([self.values, np.ones((len(i) - len(self.values), len(self)))])
+            matrices[:, *index] = values[own].T
+            smallest = np.minimum(smallest, np.linalg.svd(matrices, compute_uv=False)[..., -1].min(1))
+        return smallest
 
 
 def symmetric_band(pattern: SparseMatrices) -> Band | None:

@@ -119,12 +119,10 @@ def _components(
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Return the connected component of A to which each row, (blocks, height), and each column belongs."""
     rows, count = blocks * height, blocks * height + len(columns)
-    edges = [
-        (block * height + int(i), rows + e)
-        for e, column in enumerate(columns)
-        for block, values in column.items()
-        for i in np.flatnonzero(values.any(0))
-    ]
+    touched = [(block, rows + e) for e, column in enumerate(columns) for block in column]
+    nonzero = np.stack([values for column in columns for values in column.values()]).any(1)
+    which, within = (each.tolist() for each in np.nonzero(nonzero))
+    edges = [(touched[k][0] * height + i, touched[k][1]) for k, i in zip(which, within, strict=True)]
     labels = np.empty(count, dtype=np.intp)
     for label, members in enumerate(components(range(count), edges)):
         labels[[*members]] = label
@@ -152,7 +150,9 @@ def _eliminated(
     Each step appends a group of columns, and empties those that it transforms. `rest` are the right-hand
     sides less the contributions of the pivots, and is changed.
     """
-    touching = {block: {i for i, group in enumerate(groups) if block in group} for block in rest}
+    touching = {block: set[int]() for block in rest}
+    for i, block in ((i, block) for i, group in enumerate(groups) for block in group):
+        touching[block].add(i)
     scale = _scales(groups, n)
 
     def degree(block: Block) -> int:

@@ -15,14 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.errors import AssemblyError, InputError, SingularStartError
-from mechsim.numerics.arrays import REVOLUTION, ROUNDING, Array
+from mechsim.numerics.arrays import REVOLUTION, ROUNDING, TINY, Array
 from mechsim.numerics.branch_points import (
     branch_segment,
     change_point_between,
     even_change_point,
     segment_through,
 )
-from mechsim.numerics.collocation import Piecewise, nodes_between
+from mechsim.numerics.collocation import Piecewise, interpolation_error, nodes_between
 from mechsim.numerics.loop_solver import (
     MIN_DETERMINANT_RATIO,
     MIN_SHARE_RATIO,
@@ -49,6 +49,10 @@ AT_START = 1e-3
 # largest residual at nodes, a hundredth of the truncation error; and signed distance from a singular pose
 # below which nodes are closed to rounding
 NODE_RESIDUAL, NEARLY_SINGULAR = 1e-11, 1e-4
+# relative error of an estimated distance: from a singular pose, and to a dead centre; and share of the latter
+# that the next segment may have; and ratio of the lengths that errors of successive segments allow, below
+# which it is expected to go on
+ESTIMATE, UP_TO_END, FAST_TREND = 0.2, 0.95, 0.6
 # attempts in a row below `MIN_EXTRAPOLATED`, after which the path ends: the loops do not close beyond, but
 # within rounding of the residual they do; an end takes 100 attempts
 MAX_SHORT = 300
@@ -226,7 +230,7 @@ class ContinuationPath(PathStates[E, Q]):
     ) -> tuple[Segment[E, Q] | None, float]:
         """Return a segment through closed nodes, None if it is rejected, and the length to try next."""
         step, solver = segment.length, segment.solver
-        if (np.abs(closed.linearised.estimated_distance) < NEARLY_SINGULAR).any():
+        if closed.linearised.least_singular_value(ESTIMATE) < NEARLY_SINGULAR:
             closed = self.closed(solver, segment.nodes, closed.states) or closed
         error, loops = closed.error, closed.linearised
         if error[0] > CONTROL.max_error:
@@ -235,17 +239,15 @@ class ContinuationPath(PathStates[E, Q]):
         segment = replace(segment, states=closed.states, adequate=adequate[-1:])
         if not by_determinant.all():
             segment, loops = _with_adequate_rows(self, segment, loops, by_determinant)
-        share, signs = segment.solver.share(loops), np.sign(loops.estimated_distance)
+        share, signs = segment.solver.share(loops), loops.determinant[0]
         if share.min() < MIN_SHARE_RATIO * share.max():
             return None, self.control.shrink * step
         sign_changes = np.flatnonzero(signs[1:] != signs[:-1])
         if len(sign_changes):
-            return None, step if self._approached_change_point(
-                segment, int(sign_changes[0]), direction
-            ) else self.control.shrink * step
-        if (index := even_change_point(loops.determinant[1])) is not None and self._approached_change_point(
-            segment, index, direction, even=True
-        ):
+            approached = self._approached_change_point(segment, int(sign_changes[0]), direction)
+            return None, step if approached else self.control.shrink * step
+        index = even_change_point(loops.determinant[1])
+        if index is not None and self._approached_change_point(segment, index, direction, even=True):
             return None, step
         middle_sign, segments = float(signs[CONTROL.nodes // 2]), self.segments[direction]
         if self.sign[0] * middle_sign < 0.0 and segment.solver is segments[-1].solver:
@@ -254,7 +256,10 @@ class ContinuationPath(PathStates[E, Q]):
             return None, 0.6 * length if self.drop_last_segment(direction) else self.control.shrink * step
         self.sign = np.array([middle_sign])
         growth = float(self.growth(step, direction, error, closed.displacement)[0])
-        return segment, min(self.control.max_length, step * growth)
+        if segments and len(segments[-1].nodes) == CONTROL.nodes:
+            growth *= _trend(segments[-1], segment)
+        length = min(step * growth, UP_TO_END * _distance_to_dead_centre(segment.nodes, loops.determinant[1]))
+        return segment, float(np.clip(length, self.control.min_length, self.control.max_length))
 
     def growth(self, step: float, direction: int, error: Array, displacement: Array) -> Array:
         """Return the largest ratios of the next segment's length to this one's, (d,)."""
@@ -404,6 +409,31 @@ class ContinuationPath(PathStates[E, Q]):
         """Return first and second derivatives of flattened states by the parameter, from the polynomials."""
         first = self.traced.derivative()
         return first.evaluate(s), first.derivative().evaluate(s)
+
+
+def _trend(before: Segment[E, Q], segment: Segment[E, Q]) -> float:
+    """Return the ratio by which the next segment is shorter than the error of this one allows, or 1.
+
+    By its error e a segment of length h allows h (target / e)^(1/k). Near a dead centre, where this is much
+    shorter than it was for the segment before, it is shorter by the same ratio for the next.
+
+    Source: K. Gustafsson, Control-theoretic techniques for stepsize selection in implicit Runge-Kutta
+    methods, ACM Transactions on Mathematical Software 20 (1994) 496-517.
+    """
+    errors = [float(interpolation_error(each.states).max()) + TINY for each in (before, segment)]
+    ratio = segment.length / before.length * (errors[0] / errors[1]) ** (2.0 / (CONTROL.nodes + 1))
+    return ratio if ratio < FAST_TREND else 1.0
+
+
+def _distance_to_dead_centre(nodes: Array, logarithm: Array) -> float:
+    """Return the distance from the last node to a dead centre; infinite if none is close.
+
+    The determinant vanishes there as the square root of the distance d: its squares at two nodes are in the
+    ratio r = d2 / d1, so that d2 = |s2 - s1| r / (1 - r). Two pairs of nodes agree.
+    """
+    ratio = np.exp(np.minimum(2.0 * (logarithm[-1] - logarithm[[0, -2]]), 0.0))
+    whole, last = np.abs(nodes[-1] - nodes[[0, -2]]) * ratio / np.maximum(1.0 - ratio, TINY)
+    return float(last) if abs(whole - last) < ESTIMATE * last else np.inf
 
 
 def _shortest(path: ContinuationPath[E, Q], current: float, beyond: bool = False) -> float:

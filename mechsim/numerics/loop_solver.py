@@ -186,13 +186,12 @@ class Linearised:
     @cached_property
     def others_vanish(self) -> bool:
         """Whether the unused equations are zero, as those out of the plane of a planar linkage, or absent."""
-        if not isinstance(self.derivatives, np.ndarray):
-            outside = np.isin(self.derivatives.rows, self.others) & np.isin(
-                self.derivatives.columns, self.unknown
-            )
-            return bool(np.abs(self.derivatives.values[outside]).max(initial=0.0) < NEGLIGIBLE)
-        jacobian = self.jacobian.take(self.unknown, 1)
-        return bool(np.abs(jacobian.take(self.others, 0)).max(initial=0.0) < NEGLIGIBLE)
+        whole = self.derivatives
+        if isinstance(whole, np.ndarray):
+            values = whole.take(self.unknown, 1).take(self.others, 0)
+        else:
+            values = whole.values[np.isin(whole.rows, self.others) & np.isin(whole.columns, self.unknown)]
+        return bool(np.abs(values).max(initial=0.0) < NEGLIGIBLE)
 
     def smallest_of_all(self, rank: int, error: float | None = None) -> Array:
         """Return the smallest relevant singular values of all equations, (n,); 1 without unknowns.
@@ -201,25 +200,26 @@ class Linearised:
         """
         if not rank:
             return np.ones(len(self.systems))
-        if not isinstance(self.systems, np.ndarray) and self.others_vanish and error is not None:
-            return self.systems.least_singular_values(error)
         if self.alone or (not isinstance(self.systems, np.ndarray) and self.others_vanish):
-            return self._smallest
+            return self.smallest(error)
         return self.all_singular_values[:, rank - 1]
 
-    @cached_property
-    def _smallest(self) -> Array:
-        """Smallest singular values of the matrices, (n,)."""
-        if not isinstance(self.systems, np.ndarray):
-            return self.systems.smallest_singular_values
-        return self.singular_values[:, -1]
+    def smallest(self, error: float | None = None) -> Array:
+        """Return the smallest singular values of the matrices as `smallest_of_all`; inf if empty, (n,)."""
+        if isinstance(self.systems, np.ndarray):
+            return self.singular_values.min(1, initial=np.inf)
+        return self.systems.smallest_singular_values(error)
+
+    def least_singular_value(self, error: float) -> float:
+        """Return the smallest singular value of all matrices; of bands that with the smallest determinant."""
+        if isinstance(self.systems, np.ndarray):
+            return float(self.smallest().min())
+        return self.systems.least_singular_value(error)
 
     @cached_property
     def signed_distance(self) -> Array:
         """Signed distance from a singular pose, (n,); opposite in sign in two assembly modes that meet."""
-        if not len(self.unknown):  # the drivers alone determine all coordinates
-            return np.ones(len(self.systems))
-        return self.determinant[0] * self._smallest
+        return self.determinant[0] * self.smallest()
 
     def last(self, count: int) -> Linearised:
         """Return the loops about the last `count` sets."""
@@ -230,13 +230,6 @@ class Linearised:
             systems=self.matrix[-count:],
             rhs=self.rhs[-count:],
         )
-
-    @cached_property
-    def estimated_distance(self) -> Array:
-        """`signed_distance`, of bands with a relative error of a hundredth, (n,)."""
-        if isinstance(self.systems, np.ndarray):
-            return self.signed_distance
-        return self.determinant[0] * self.systems.least_singular_values(1e-2)
 
     @cached_property
     def determinant(self) -> tuple[Array, Array]:

@@ -213,7 +213,7 @@ def _sparse_conditioning(
     order = band(matrix, rows, passive) if len(rows) == len(passive) else None
     if order is None:
         return None
-    smallest = BandedSystems(order, matrix.values[order.entries]).smallest_singular_values
+    smallest = BandedSystems(order, matrix.values[order.entries]).smallest_singular_values()
     # the Frobenius norm is a bound of the largest singular value
     regular = smallest > RANK_TOLERANCE * np.sqrt((matrix.values**2).sum(0))
     return smallest if regular.any() else None

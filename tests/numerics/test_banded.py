@@ -61,9 +61,9 @@ def test_a_shuffled_chain_with_a_border_is_solved_as_dense_matrices_are(width, b
     np.testing.assert_array_equal(own.determinant[0], sign)
     np.testing.assert_allclose(own.determinant[1], logarithm, rtol=1e-12)
     values = np.linalg.svd(dense, compute_uv=False)
-    np.testing.assert_allclose(own.smallest_singular_values, values[:, -1], rtol=1e-9)
+    np.testing.assert_allclose(own.smallest_singular_values(), values[:, -1], rtol=1e-9)
     # after three steps, from above
-    estimate = own.least_singular_values(1.0)
+    estimate = own.smallest_singular_values(1.0)
     assert (values[:, -1] * (1.0 + 1e-12) < estimate).all()
     assert (estimate < 3.0 * values[:, -1]).all()
 
@@ -96,7 +96,7 @@ def test_a_singular_system_is_reported_and_has_the_singular_value_zero():
     with pytest.raises(np.linalg.LinAlgError):
         own.solution(np.ones((3, COUNT)))
     assert own.determinant[0].tolist()[1] == 0.0
-    assert own.smallest_singular_values[1] <= 1e-12 < own.smallest_singular_values[0]
+    assert own.smallest_singular_values()[1] <= 1e-12 < own.smallest_singular_values()[0]
 
 
 def test_unknowns_that_all_share_one_stay_dense():

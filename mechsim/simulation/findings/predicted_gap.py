@@ -10,11 +10,13 @@ motions that are slow compared with the time constant of the loops.
 import math
 from collections.abc import Mapping
 from copy import copy
+from dataclasses import replace
 
 import mujoco
 import numpy as np
 
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.rank import SPARSE
 from mechsim.simulation.findings.inspected import EQUALITY, RANK_TOLERANCE, Inspected, Swing, null_space
 from mechsim.simulation.mjcf_reader.coordinates import actuated_joints, actuator_count
 from mechsim.simulation.state import data_at, dense_rows, is_disabled, mass_matrix
@@ -77,7 +79,8 @@ def gaps_in(scene: Inspected, motion: Swing) -> dict[int, float]:
         mujoco.mj_fwdPosition(model, data)
         mujoco.mj_fwdVelocity(model, data)
         # acceleration before implicit damping, which the integrator reduces to qacc
-        commanded = qacc + np.linalg.solve(mass_matrix(data), implicit_damping @ qacc)
+        withheld = implicit_damping @ qacc
+        commanded = qacc + (np.linalg.solve(mass_matrix(data), withheld) if withheld.any() else 0.0)
         rows = data.efc_type == EQUALITY
         jacobian = dense_rows(data)[rows]
         force = loop_forces(data, commanded, free)
@@ -123,8 +126,23 @@ def loop_forces(data: mujoco.MjData, qacc: Array, free: Array) -> Array:
     jacobian = jacobian[rows]
     force, compliance, acting = np.zeros(len(jacobian)), np.sqrt(data.efc_R[rows]), jacobian.any(1)
     shared = free @ jacobian[acting].T / compliance[acting]
-    force[acting] = np.linalg.lstsq(shared, free @ needed, rcond=RANK_TOLERANCE)[0] / compliance[acting]
+    force[acting] = _least_norm(shared, free @ needed) / compliance[acting]
     return force
+
+
+def _least_norm(matrix: Array, right: Array) -> Array:
+    """Return the least-squares solution of least norm, (m,)."""
+    if len(matrix) >= SPARSE:
+        from mechsim.numerics.banded import entries_of, least_norm_systems
+
+        entries = entries_of(matrix[None])
+        scale = np.abs(entries.values).max(initial=np.finfo(np.float64).tiny)
+        systems = least_norm_systems(replace(entries, values=entries.values / scale), {})
+        if systems is not None and len(systems.rows) == len(matrix):
+            (solution,), (valid,) = systems.least_norm(right[None])
+            if valid:
+                return solution / scale
+    return np.asarray(np.linalg.lstsq(matrix, right, rcond=RANK_TOLERANCE)[0], dtype=np.float64)
 
 
 def _friction(data: mujoco.MjData, jacobian: Array, qacc: Array) -> Array:
