@@ -13,10 +13,19 @@ def several(count: int, noun: str) -> str:
     return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
-def first_names(names: Sequence[str], most: int, others: str = "more") -> str:
-    """Return at most so many names, separated by commas, and the number of the others."""
+# number of names in a message, about three lines
+LISTED = 40
+
+
+def first_names(names: Collection[str], most: int = LISTED, others: str = "more") -> str:
+    """Return at most so many names, separated by commas, and the number of the others.
+
+    Example:
+        >>> first_names(["A", "B", "C"], most=1)
+        'A and 2 more'
+    """
     more = f" and {len(names) - most} {others}" if len(names) > most else ""
-    return ", ".join(names[:most]) + more
+    return ", ".join([*names][:most]) + more
 
 
 def cut(text: str, longest: int) -> str:
@@ -92,9 +101,8 @@ def require_once(where: str, names: Sequence[str]) -> None:
 
 def require_known(lacking: str, stated: Iterable[str], accepted: Collection[str]) -> None:
     """Raise InputError for a name that is not accepted, of what is lacking, as "a picture has no option"."""
-    for name in stated:
-        if name not in accepted:
-            raise InputError(f"{lacking} {name!r}; choose from {', '.join(accepted)}")
+    for name in (each for each in stated if each not in accepted):
+        raise InputError(f"{lacking} {name!r}; choose from {first_names(accepted)}")
 
 
 def install_command(extra: str) -> str:

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeGuard
 
 from mechsim import units
-from mechsim.errors import InputError, cut
+from mechsim.errors import InputError, cut, first_names
 from mechsim.files import is_table, read_in_si
 from mechsim.io.toml_keys import Key, root
 from mechsim.mechanism.expressions import FUNCTIONS, evaluate_number, variables
@@ -99,7 +99,7 @@ def suggestion(name: str, names: Iterable[str]) -> str:
     listed = list(names)
     close = difflib.get_close_matches(name, listed, n=1)
     hint = f"; did you mean {close[0]!r}?" if close else ";"
-    return f"{hint} choose from {', '.join(listed)}" if listed else "; there are none"
+    return f"{hint} choose from {first_names(listed)}" if listed else "; there are none"
 
 
 def parsed_source(path: str, text: str) -> TomlSource:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim import units
-from mechsim.errors import AssemblyError, InputError
+from mechsim.errors import AssemblyError, InputError, first_names
 from mechsim.kinematics.loops.kinematics import Coordinates
 from mechsim.kinetics.clearances import require_in_holes
 from mechsim.kinetics.compiled_model import CompiledModel
@@ -465,7 +465,7 @@ def initial_values(model: DynamicModel, initial: Mapping[str, Initial]) -> Initi
             choices = [f"{name}.q" for name in [*names, *balls]] + [f"{ball}.w" for ball in balls]
             raise InputError(
                 f"initial value {quantity!r} is no value or rate of a joint of {mechanism.name}; it has "
-                f"{', '.join(choices)}"
+                f"{first_names(choices)}"
             )
         name, component = variable
         unit: Any = mechanism.unit(name) + ("/s" if component == "v" else "")

@@ -176,9 +176,7 @@ def _link_inertia(mechanism: Mechanism, link: Link, density: float, diameter: fl
     solids += [round_rod(*_pin(end.point, end.axis, length), density, 2.0 * radius) for end, radius in discs]
     whole = solids[0] if len(solids) == 1 else combine(solids)
     total, disc = sum(_length(a, b) for a, b in rods), max((radius for _, radius in discs), default=0.0)
-    # a new object, whose inertia is checked already
-    object.__setattr__(whole, "rods", Rods(total, diameter, density, disc))
-    return whole
+    return replace(whole, rods=Rods(total, diameter, density, disc))
 
 
 def _pin(point: ArrayLike, axis: ArrayLike, length: float) -> tuple[Vector, Vector]:

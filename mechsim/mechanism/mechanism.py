@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Literal, TypeVar
 
 import numpy as np
 
-from mechsim.errors import InputError
+from mechsim.errors import InputError, first_names
 from mechsim.mechanism.joint_kinds import KINDS
 from mechsim.mechanism.joints import MAX_GUESS_ERROR, Coupling, End, Gear, Joint, guessed_frame
 from mechsim.mechanism.links import GROUND, IDENTITY, MAX_COORDINATE, VIRTUAL_PREFIX, Link, Pose, Vector
@@ -435,7 +435,7 @@ def _require_name(who: str, name: str) -> None:
 
 def _require_known(who: str, what: str, name: str, names: Collection[str]) -> None:
     if name not in names:
-        raise InputError(f"{who} names {what} {name!r}, but there are only {', '.join(names)}")
+        raise InputError(f"{who} names {what} {name!r}, but there are only {first_names(names)}")
 
 
 def starting_at(source: Source, angles: Array, direction: float = 1.0) -> Source:

@@ -13,7 +13,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from mechsim.errors import InputError
+from mechsim.errors import InputError, first_names
 from mechsim.mechanism.expressions import Evaluator, Term, parse_expression, unit_powers, unit_text
 from mechsim.mechanism.force_record import COMPONENTS, ForceRecord
 from mechsim.mechanism.joint_kinds import KINDS as JOINT_KINDS
@@ -135,7 +135,7 @@ def unknown(name: str, mechanism: Mechanism) -> InputError:
     close = get_close_matches(name, [other for other in choices if other != name], n=1)
     hint = f"; did you mean {close[0]!r}?" if close else ";"
     names = (
-        f"choose from points and joints ({', '.join(short)}) and names such as P.x, J.v, torque:J, "
+        f"choose from points and joints ({first_names(short)}) and names such as P.x, J.v, torque:J, "
         "distance:P,Q"
     )
     return InputError(f"{mechanism.name} has no quantity {name!r}{hint} {names}")
