@@ -8,9 +8,9 @@ from importlib.util import find_spec
 from typing import Literal
 
 
-def several(count: int, noun: str) -> str:
+def several(count: int, noun: str, plural: str = "") -> str:
     """Return a number of things in words."""
-    return f"{count} {noun}{'' if count == 1 else 's'}"
+    return f"{count} {noun if count == 1 else plural or noun + 's'}"
 
 
 # number of names in a message, about three lines

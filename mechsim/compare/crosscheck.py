@@ -21,7 +21,7 @@ from mechsim.compare.quantities import (
     stroke_of,
 )
 from mechsim.compare.tolerances import Requested, Tolerance, instants_of
-from mechsim.errors import AssemblyError, InputError
+from mechsim.errors import AssemblyError, InputError, first_names
 from mechsim.mechanism.finding import POSITION_TOLERANCE
 from mechsim.mechanism.force_record import ForceRecord
 from mechsim.mechanism.motion import Motion, Solver
@@ -231,10 +231,10 @@ def _require_points(simulated: Motion, exact: Motion) -> None:
     missing = sorted(set(exact.points) - set(simulated.points))
     if missing or not exact.points:
         raise InputError(
-            f"the simulation has no point {', '.join(missing)} (it has {', '.join(simulated.points)}); "
+            f"the simulation has no point {', '.join(missing)} (it has {first_names(simulated.points)}); "
             "name a site of the model like each point of the analytic motion"
             if missing
-            else f"the analytic motion has no point; give one or more of {', '.join(simulated.points)}"
+            else f"the analytic motion has no point; give one or more of {first_names(simulated.points)}"
         )
     instants = instants_of(simulated)
     for name, point in exact.points.items():

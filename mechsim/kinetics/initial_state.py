@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from mechsim.errors import AssemblyError, InputError
+from mechsim.errors import AssemblyError, InputError, first_names
 from mechsim.kinematics.loops.constraints import TreeLoops
 from mechsim.kinematics.loops.kinematics import Coordinates
 from mechsim.kinematics.loops.mobility import independent_coordinates
@@ -277,7 +277,7 @@ def _index(equations: EquationsOfMotion, name: str) -> int:
             f"{mechanism.name}: {name!r} and the other coordinates with initial values close a loop among "
             "themselves; leave one of them out"
         )
-    raise InputError(f"{mechanism.name} has no joint coordinate {name!r}; it has {', '.join(names)}")
+    raise InputError(f"{mechanism.name} has no joint coordinate {name!r}; it has {first_names(names)}")
 
 
 def _ball_index(equations: EquationsOfMotion, name: str) -> tuple[int, int]:

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mechsim.errors import InputError
+from mechsim.errors import InputError, first_names
 from mechsim.kinetics.prescribed_motion import InverseDynamics, prescribed_along
 from mechsim.numerics.arrays import Array
 
@@ -95,5 +95,5 @@ def _actuator_jacobian(result: InverseDynamics, names: Sequence[str]) -> Array:
     joints = moving[0].joints
     for name in names:
         if name not in joints:
-            raise InputError(f"{solver.name} has no joint coordinate {name!r}; there are {', '.join(joints)}")
+            raise InputError(f"{solver.name} has no joint coordinate {name!r}; it has {first_names(joints)}")
     return np.stack([[motion.joints[name].rate for name in names] for motion in moving]).transpose(2, 1, 0)

@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from mechsim.errors import InputError
+from mechsim.errors import InputError, first_names
 from mechsim.mechanism.links import Vector
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.motion_laws import State
@@ -105,7 +105,7 @@ class Actuator:
             if name not in mechanism.coordinates:
                 raise InputError(
                     f"actuator {self.name!r} acts on {name!r}, which is no coordinate of {mechanism.name}; "
-                    f"it has {', '.join(mechanism.coordinates)}"
+                    f"it has {first_names(mechanism.coordinates)}"
                 )
 
     def input(self, time: Array) -> tuple[Array, Array]:

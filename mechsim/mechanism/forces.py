@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.errors import InputError
+from mechsim.errors import InputError, first_names
 from mechsim.mechanism.joint_friction import Friction
 from mechsim.mechanism.joint_kinds import KINDS, kinds_that
 from mechsim.mechanism.links import GROUND, ORIGIN, Vector
@@ -288,13 +288,13 @@ def located(mechanism: Mechanism, location: Location) -> tuple[str, Vector]:
     if isinstance(location, str):
         if location not in mechanism.points:
             raise InputError(
-                f"{mechanism.name} has no point {location!r} (it has {', '.join(mechanism.points)}); "
+                f"{mechanism.name} has no point {location!r} (it has {first_names(mechanism.points)}); "
                 "name one, or give a link and a point in its frame"
             )
         return mechanism.points[location]
     link, point = location
     if link not in mechanism.link_names:
-        names = ", ".join(mechanism.link_names)
+        names = first_names(mechanism.link_names)
         raise InputError(f"{mechanism.name} has no link {link!r}, only {names}; name one of them")
     if len(point) != 3 or not (np.abs(point) < HUGE).all():
         raise InputError(

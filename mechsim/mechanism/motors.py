@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, fields
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechsim.errors import InputError
+from mechsim.errors import InputError, first_names
 from mechsim.mechanism.expressions import Expression, Instruction, compiled
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.numerics.arrays import HUGE, Array
@@ -88,7 +88,7 @@ class Controller:
             if name not in mechanism.coordinates:
                 raise InputError(
                     f"the controller of {self.coordinate} names {name!r}, which is no coordinate of "
-                    f"{mechanism.name}; it has {', '.join(mechanism.coordinates)}"
+                    f"{mechanism.name}; it has {first_names(mechanism.coordinates)}"
                 )
 
 

@@ -268,7 +268,7 @@ def _distance(mechanism: Mechanism, text: str) -> tuple[Sequence[Column], Functi
     for point in _pair("distance:P,Q", text):
         if point not in mechanism.points:
             raise InputError(
-                f"{mechanism.name} has no point {point!r}; choose from {', '.join(mechanism.points)}"
+                f"{mechanism.name} has no point {point!r}; choose from {first_names(mechanism.points)}"
             )
         link, position = mechanism.points[point]
         if link == GROUND:
@@ -294,7 +294,7 @@ def _angle(mechanism: Mechanism, text: str) -> tuple[Sequence[Column], Function,
     names = _pair("angle:LINK,LINK", text)
     for link in names:
         if link not in mechanism.link_names:
-            listed = ", ".join(mechanism.link_names)
+            listed = first_names(mechanism.link_names)
             raise InputError(f"{mechanism.name} has no link {link!r}; choose from {listed}")
     moving = [link for link in names if link != GROUND]
     columns = [

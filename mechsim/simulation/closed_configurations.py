@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mechsim.errors import AssemblyError, InputError
+from mechsim.errors import AssemblyError, InputError, first_names
 from mechsim.mechanism.limits import require_count
 from mechsim.mechanism.motion import short_repr
 from mechsim.numerics.arrays import ROUNDING, Array
@@ -470,5 +470,5 @@ def scalar_dof(model: mujoco.MjModel, name: str) -> int:
     """Return the degree of freedom of a hinge or slide."""
     joints = scalar_joints(model)
     if name not in joints:
-        raise InputError(f"there is no hinge or slide {name!r}; the model has {', '.join(joints) or 'none'}")
+        raise InputError(f"there is no hinge or slide {name!r}; joints are {first_names(joints) or 'none'}")
     return int(model.jnt_dofadr[joints[name]])

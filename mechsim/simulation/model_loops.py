@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.errors import InputError
+from mechsim.errors import InputError, first_names
 from mechsim.mechanism.motion import ChangePointPolicy
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.rank import RANK_TOLERANCE, SPARSE
@@ -327,7 +327,7 @@ def read_loops(model: mujoco.MjModel, crank: str = "crank", drivers: Drivers = S
     if joint < 0 or model.jnt_type[joint] != HINGE:
         names = [model.joint(i).name for i in range(model.njnt)]
         raise InputError(
-            f"the model has no hinge joint called {crank!r} (it has {', '.join(names) or 'none'}); "
+            f"the model has no hinge joint called {crank!r} (it has {first_names(names) or 'none'}); "
             f"name the driven hinge {crank!r}"
         )
     return loops_with_crank(model, int(model.jnt_dofadr[joint]), drivers)

@@ -68,6 +68,16 @@ def test_a_shuffled_chain_with_a_border_is_solved_as_dense_matrices_are(width, b
     assert (estimate < 3.0 * values[:, -1]).all()
 
 
+def test_the_smallest_singular_value_of_separate_blocks_is_that_of_the_dense_matrix():
+    matrices, _ = shuffled([(i, i - 1) for i in range(COUNT) if i % 5 and (i % 3 or i > 90)])
+    own, dense = systems(matrices)
+    assert {*own.band.blocks[1].tolist()} == {1, 2, 3, 5}
+    values = np.linalg.svd(dense, compute_uv=False)[:, -1]
+    np.testing.assert_allclose(own.smallest_singular_values(), values, rtol=1e-12)
+    least = int(np.linalg.slogdet(dense)[1].argmin())
+    assert own.least_singular_value(0.2) == pytest.approx(values[least], rel=1e-12)
+
+
 def test_products_of_sparse_matrices_are_those_of_dense_ones():
     matrices, dense = shuffled(chain(2))
     right = np.random.default_rng(2).standard_normal((3, COUNT))

@@ -181,13 +181,17 @@ class PlacedNodes:
 
 
 @dataclass(frozen=True)
-class PerpendicularNodes(PlacedNodes):
-    """The same for nodes that move perpendicular to a curve: the equations after the rank do not count.
+class PerpendicularNodes:
+    """The equations of nodes that move perpendicular to a curve, for `numerics.newton`.
 
     Attributes:
+        solver: the equations.
+        rank: number of independent ones; those after them do not count.
         singular: nodes that do not move, (n,).
     """
 
+    solver: TreeSolver
+    rank: int
     singular: NDArray[np.bool_]
 
     def linearise(self, q: Coordinates) -> Linearised:
@@ -197,6 +201,10 @@ class PerpendicularNodes(PlacedNodes):
         if not self.singular.any():
             return linearised
         return replace(linearised, systems=regularised(linearised.matrix, self.singular))
+
+    def retract(self, q: Coordinates, step: Array) -> Coordinates:
+        """Return configurations displaced by steps of the unknowns, (n, u)."""
+        return self.solver.retract(q, step)
 
 
 @dataclass(frozen=True, slots=True)
@@ -298,8 +306,7 @@ class FreeLoops:
         self, solver: TreeSolver, rows: Array, singular: NDArray[np.bool_]
     ) -> tuple[Coordinates, LinkPoses]:
         """Return approximate rows corrected to rounding level, and their poses; singular ones stay."""
-        nodes = PerpendicularNodes(solver, self.rank, np.zeros(len(rows)), singular)
-        result = newton(nodes, self.unflat(rows), FINAL)
+        result = newton(PerpendicularNodes(solver, self.rank, singular), self.unflat(rows), FINAL)
         return result.q, result.linearised.poses
 
     def branch_point(

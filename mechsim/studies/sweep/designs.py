@@ -189,7 +189,7 @@ def listed_designs(
     """
     kept = {name: _row(name, values, model, parameters) for name, values in values.items()}
     if not kept:
-        raise InputError(f"{description} names no parameter of {model}; choose from {', '.join(parameters)}")
+        raise InputError(f"{description} names no parameter of {model}{suggestion('', parameters)}")
     lengths = {name: len(values) for name, values in kept.items()}
     if len(set(lengths.values())) > 1:
         raise InputError(f"parameters have different numbers of values: {lengths}; give one for each design")

@@ -1,6 +1,6 @@
 """Removal candidates, in particular for bodies: joints that hardly move, and disconnected bodies."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any, Literal
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import mujoco
 import numpy as np
 
-from mechsim.errors import first_names
+from mechsim.errors import first_names, several
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.compiling import plainly_compiled
 from mechsim.simulation.mjcf_reader.fixed_bodies import pose_in_parent
@@ -76,16 +76,6 @@ def delete(spec: mujoco.MjSpec, elements: Iterable[Any]) -> None:
     """Delete elements of a specification."""
     for element in list(elements):
         spec.delete(element)
-
-
-def count_text(number: int, singular: str, plural: str | None = None) -> str:
-    """Return a count with its noun."""
-    return f"{number} {singular if number == 1 else plural or singular + 's'}"
-
-
-def name_list(names: Sequence[str]) -> str:
-    """Return the first names, comma-separated, and the number of other names."""
-    return first_names(names, LISTED)
 
 
 # displacement of a joint above which it is not proposed, in [rad] or characteristic lengths
@@ -180,7 +170,8 @@ def disconnected_bodies(observed: Evidence) -> list[RemovalCandidate]:
             moving.append(body.name)
     if not moving:
         return []
-    what = f"{count_text(len(moving), 'body', 'bodies')} that no tracked body depends on: {name_list(moving)}"
+    bodies = several(len(moving), "body", "bodies")
+    what = f"{bodies} that no tracked body depends on: {first_names(moving, LISTED)}"
 
     def edit(spec: mujoco.MjSpec) -> None:
         for name in moving:
@@ -271,7 +262,7 @@ def fused_bodies(observed: Evidence) -> list[RemovalCandidate]:
     """Propose to fuse all bodies without joints with their parents, except tracked bodies."""
     bodies = list(observed.spec.bodies)[1:]
     count = sum(not body.joints and body.name not in observed.tracked for body in bodies)
-    what = f"{count_text(count, 'body', 'bodies')} without joints, fused with their parents"
+    what = f"{several(count, 'body', 'bodies')} without joints, fused with their parents"
 
     def edit(spec: mujoco.MjSpec) -> None:
         for name in observed.tracked:

@@ -7,13 +7,13 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from mechsim.errors import first_names, several
 from mechsim.simulation.plain_settings import PlainSettings
 from mechsim.studies.reduction.candidates.bodies import (
+    LISTED,
     RemovalCandidate,
-    count_text,
     delete,
     existing,
-    name_list,
 )
 from mechsim.studies.reduction.reduced_scene import Evidence
 
@@ -40,7 +40,7 @@ def contacts(observed: Evidence) -> list[RemovalCandidate]:
         for geom in observed.spec.geoms
         if geom.name not in observed.touched and (geom.contype or geom.conaffinity)
     ]
-    what = f"contacts of {count_text(len(names), 'geom')} without contact"
+    what = f"contacts of {several(len(names), 'geom')} without contact"
 
     def edit_geoms(spec: mujoco.MjSpec) -> None:
         for geom in spec.geoms:
@@ -55,9 +55,9 @@ def visual_elements(observed: Evidence) -> list[RemovalCandidate]:
     """Propose to remove each kind of element that exerts no force: sensors, cameras, geoms, meshes."""
     spec, edits = observed.spec, dict[str, Any]()
     if spec.sensors:
-        edits[count_text(len(spec.sensors), "sensor")] = lambda spec: delete(spec, spec.sensors)
+        edits[several(len(spec.sensors), "sensor")] = lambda spec: delete(spec, spec.sensors)
     if count := len(spec.cameras) + len(spec.lights):
-        edits[count_text(count, "camera or light", "cameras and lights")] = lambda spec: delete(
+        edits[several(count, "camera or light", "cameras and lights")] = lambda spec: delete(
             spec, (*spec.cameras, *spec.lights)
         )
     # tendons wrap around these geoms, or contact pairs name them
@@ -70,7 +70,7 @@ def visual_elements(observed: Evidence) -> list[RemovalCandidate]:
     pairs = {name for pair in spec.pairs for name in (pair.geomname1, pair.geomname2)}
     geoms = [geom.name for geom in spec.geoms if geom.name not in wraps | pairs | observed.touched]
     if geoms:
-        what = f"{count_text(len(geoms), 'geom')} without contact, with their meshes and materials"
+        what = f"{several(len(geoms), 'geom')} without contact, with their meshes and materials"
         edits[what] = partial(_without_geoms, names=geoms)
     elif spec.materials or spec.textures or spec.meshes:
         edits["materials, textures and meshes"] = _without_assets
@@ -110,7 +110,7 @@ def limits(observed: Evidence) -> list[RemovalCandidate]:
     names += [model.tendon(t).name for t in range(model.ntendon) if model.tendon_limited[t]]
     unused = [name for name in names if name not in observed.limited]
     were = "was" if len(unused) == 1 else "were"
-    options = {f"{count_text(len(unused), 'limit')} that {were} never reached": unused} if unused else {}
+    options = {f"{several(len(unused), 'limit')} that {were} never reached": unused} if unused else {}
     options |= {f"limit of {name}": [name] for name in names if name in observed.limited}
     unlimited = partial(_with_value, field="limited", value=int(mujoco.mjtLimited.mjLIMITED_FALSE))
     return [
@@ -126,7 +126,7 @@ def actuators(observed: Evidence) -> list[RemovalCandidate]:
         for name, force in observed.forces.items()
         if force <= MAX_FORCE_AT_REST and name not in observed.scene.ctrl
     ]
-    what = f"{count_text(len(names), 'actuator')} at rest: {name_list(names)}"
+    what = f"{several(len(names), 'actuator')} at rest: {first_names(names, LISTED)}"
 
     def edit(spec: mujoco.MjSpec) -> None:
         delete(spec, (actuator for actuator in spec.actuators if actuator.name in names))

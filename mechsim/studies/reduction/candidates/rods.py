@@ -7,6 +7,7 @@ from itertools import permutations
 import mujoco
 import numpy as np
 
+from mechsim.errors import first_names, several
 from mechsim.mechanism.links import Inertia, combine, rows, vector
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.compiling import plainly_compiled
@@ -14,14 +15,13 @@ from mechsim.simulation.mjcf_reader.equality_constraints import CONNECT, WELD
 from mechsim.simulation.plain_settings import LOWEST_COMPLIANCE_SOLIMP
 from mechsim.simulation.state import quaternion, rotation_matrix
 from mechsim.studies.reduction.candidates.bodies import (
+    LISTED,
     NotApplicable,
     RemovalCandidate,
     bodies_of,
-    count_text,
     existing,
     fuse,
     joints_of,
-    name_list,
     needed_bodies,
     touching_bodies,
 )
@@ -143,7 +143,7 @@ def rods_as_lengths(observed: Evidence) -> list[RemovalCandidate]:
         if closing.type != CONNECT or rod_of_chain(observed.spec, chain) is None:
             continue
         for stiffness, constant in options.items():
-            rod_name = f"rod {name_list(chain.bodies)}"
+            rod_name = f"rod {first_names(chain.bodies, LISTED)}"
             what = f"{rod_name} with loop {chain.closing}: kept as a length, {stiffness}"
             edit = partial(_as_length, chain=chain, constant=constant)
             candidates.append(RemovalCandidate("rods as lengths", what, edit))
@@ -216,14 +216,14 @@ def passive_chains(observed: Evidence) -> list[RemovalCandidate]:
     """Propose to fuse each passive chain and each passive leaf body."""
     candidates: list[RemovalCandidate] = []
     for chain in loose_chains(observed):
-        joints = f"{count_text(len(chain.joints), 'joint')}, {name_list(chain.joints)}"
+        joints = f"{several(len(chain.joints), 'joint')}, {first_names(chain.joints, LISTED)}"
         edit = partial(_fused, closing=chain.closing, coordinates=_coordinates(observed, chain.joints))
         what = f"loop {chain.closing} with {joints}: fused"
         candidates.append(RemovalCandidate("passive chains", what, edit))
     for name in _leaves(observed):
         joints = tuple(joint.name for joint in observed.spec.body(name).joints)
         edit = partial(_fused, closing="", coordinates=_coordinates(observed, joints))
-        what = f"{count_text(len(joints), 'joint')} of {name}, which has no tracked point: fused"
+        what = f"{several(len(joints), 'joint')} of {name}, which has no tracked point: fused"
         candidates.append(RemovalCandidate("passive chains", what, edit))
     return candidates
 
