@@ -253,9 +253,17 @@ def write_json(path: str | Path, value: Any) -> None:
     Raises:
         OutputError: if the file cannot be written.
     """
-    text = json.dumps(plain(value), indent=1, allow_nan=False)
+    write_content(path, json.dumps(plain(value), indent=1, allow_nan=False) + "\n")
+
+
+def write_content(path: str | Path, content: str | bytes) -> None:
+    """Write text in UTF-8, or bytes.
+
+    Raises:
+        OutputError: if the file cannot be written.
+    """
     with atomic_path(path) as temporary:
-        temporary.write_text(text + "\n", encoding="utf-8")
+        temporary.write_bytes(content.encode() if isinstance(content, str) else content)
 
 
 def write(path: str | Path, motion: Tabled) -> None:

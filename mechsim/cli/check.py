@@ -13,7 +13,7 @@ from mechsim._version import __version__
 from mechsim.cli.command import Result, Stated, command, output_file
 from mechsim.cli.output import in_colour, print_json, wrapped
 from mechsim.errors import InputError, several
-from mechsim.files import atomic_path
+from mechsim.files import write_content
 from mechsim.mechanism.finding import HARMLESS, Finding
 from mechsim.simulation.findings.rule_table import RULES
 from mechsim.studies.check import check_each, fixed_copy
@@ -59,8 +59,7 @@ def check_files(
     repaired: list[str] = []
     if fix is not None:
         copy, repaired = fixed_copy(models[0], Path(fix), violations)
-        with atomic_path(fix) as unfinished:
-            unfinished.write_text(copy, encoding="utf-8", newline="")
+        write_content(fix, copy)
         data["fixed"] = fix
 
     def text() -> None:

@@ -19,7 +19,7 @@ from mechsim.codegen.printing import c_header, javascript
 from mechsim.codegen.self_test import c_test, javascript_test
 from mechsim.codegen.solver_code import solver_code
 from mechsim.errors import InputError
-from mechsim.files import atomic_path
+from mechsim.files import write_content
 from mechsim.kinetics.dynamic_run import Initial
 from mechsim.kinetics.gaps import released
 from mechsim.kinetics.model import DynamicModel
@@ -79,9 +79,9 @@ def compile_solver(
     options.require_other_drivers()
     code = solver_code(assembly(options.load()))
     text = c_header(code) if in_c else javascript(code)
-    _write(path, text)
+    write_content(path, text)
     if test_path is not None:
-        _write(test_path, (c_test if in_c else javascript_test)(code, path.name))
+        write_content(test_path, (c_test if in_c else javascript_test)(code, path.name))
     limits, lines = code.assembly.interval, len(text.splitlines())
     data: dict[str, Any] = {
         "output": output,
@@ -107,7 +107,7 @@ def _fmu(options: ModelOptions, initial: InitialOptions | None, output: str, sta
         model = kinematic_fmu(solver_code(assembly(options.load())))
     else:
         model = dynamic_fmu(released_model(options), dict(initial.initial))
-    _write(Path(output), fmu_archive(model, standard))
+    write_content(output, fmu_archive(model, standard))
     data = {"output": output, "mechanism": model.name, "fmi": standard}
     return _with_variables(model, data, f"FMI {standard}.0, Model Exchange and Co-Simulation", (output,))
 
@@ -117,9 +117,9 @@ def _dynamics(model: DynamicModel, initial: Mapping[str, Initial], path: Path, t
     written = dynamic_fmu(model, initial)
     text = dynamics_header(written)
     checked = dynamics_test(written, released(model), initial, path.name) if test is not None else ""
-    _write(path, text)
+    write_content(path, text)
     if test is not None:
-        _write(test, checked)
+        write_content(test, checked)
     data = {"output": str(path), "mechanism": written.name, "test": None if test is None else str(test)}
     use = f"{len(text.splitlines())} lines; {written.identifier}_start, _begin, _advance"
     return _with_variables(written, data, use, (str(path), data["test"]))
@@ -138,8 +138,3 @@ def _with_variables(
         print_text(f"inputs: {', '.join(names['inputs'])}")
 
     return Result({**data, **names}, text, files=files)
-
-
-def _write(path: Path, content: str | bytes) -> None:
-    with atomic_path(path) as temporary:
-        temporary.write_bytes(content.encode() if isinstance(content, str) else content)

@@ -69,20 +69,19 @@ def examine() -> dict[str, Any]:
     if not any(backend["works"] for backend in backends):
         packages = " ".join(str(backend["package"]) for backend in backends if backend["package"])
         remedies.append(f"apt-get install {packages}")
-    try:
-        ffmpeg = str(find_ffmpeg())
-    except MissingToolError:
-        ffmpeg = None
-        remedies.append("pip install imageio-ffmpeg")
-    try:
-        compiler = c_library.compiler()
-    except MissingToolError:
-        compiler = None
-        remedies.append("apt-get install gcc")
+    tools: dict[str, str | None] = {}
+    for name, find, remedy in (
+        ("ffmpeg", find_ffmpeg, "pip install imageio-ffmpeg"),
+        ("compiler", c_library.compiler, "apt-get install gcc"),
+    ):
+        try:
+            tools[name] = find()
+        except MissingToolError:
+            tools[name] = None
+            remedies.append(remedy)
     return {
         "versions": versions() | {"machine": platform.platform()},
         "opengl": backends,  # pyright: ignore[reportReturnType]
-        "ffmpeg": ffmpeg,
-        "compiler": compiler,
+        **tools,
         "remedy": " && ".join(remedies),
     }

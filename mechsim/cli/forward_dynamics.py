@@ -7,17 +7,8 @@ from typing import Annotated, Any
 import numpy as np
 
 from mechsim import files
+from mechsim.cli import dynamics_report
 from mechsim.cli.command import Result, Stated, Without, command, table_or_plot_file
-from mechsim.cli.dynamics_report import (
-    Verbose,
-    print_comparison,
-    require_method,
-    require_samples,
-    require_turns,
-    with_masses,
-    without_solution,
-    write_outputs,
-)
 from mechsim.cli.exit_codes import notes, print_stderr
 from mechsim.cli.load_options import InitialOptions, LoadOptions, released_model
 from mechsim.cli.options import ModelOptions, pairs
@@ -72,10 +63,10 @@ class ForwardOptions(InitialOptions):
 
     def check(self) -> None:
         """Raise InputError for invalid options, before any computation."""
-        require_method(self.method, "step", "none")
-        require_samples(self.samples)
+        dynamics_report.require_method(self.method, "step", "none")
+        dynamics_report.require_samples(self.samples)
         if self.turns is not None:
-            require_turns(self.turns)
+            dynamics_report.require_turns(self.turns)
             if self.until is not None:
                 raise InputError("--turns and --until both end the run; drop one of them")
 
@@ -96,7 +87,7 @@ def forward(
     loads: LoadOptions,
     options: ForwardOptions,
     stated: Stated,
-    verbose: Verbose = False,
+    verbose: dynamics_report.Verbose = False,
 ) -> Result:
     """Run a mechanism from an initial state under weight, loads and motors.
 
@@ -136,18 +127,18 @@ def forward(
                 values = initial_values(model, release.initial)
                 verdict = crosscheck_forward(result, model, values, progress=check)
     except FrictionError as error:
-        return with_masses(model, without_solution(error), verbose)
+        return dynamics_report.with_masses(model, dynamics_report.without_solution(error), verbose)
     values = release.values(result, options.quantities)
     shown = {f"{quantity.name} [{quantity.unit}]": column for quantity, column in values.items()}
     energies = files.attributes(result, "kinetic", "potential", "work", "lost")
-    write_outputs(
+    dynamics_report.write_outputs(
         options.output,
         lambda: dict(result.columns()) | {quantity.name: column for quantity, column in values.items()},
         lambda: plots.history_plot(result.motion, energies, shown),
     )
     extents = {quantity.name: _extent(column, quantity.unit) for quantity, column in values.items()}
     reported = _result(release, result, extents, verdict, verbose, drawn=options.output is not None)
-    return with_masses(model, reported, verbose)
+    return dynamics_report.with_masses(model, reported, verbose)
 
 
 def _result(
@@ -204,7 +195,7 @@ def _result(
         _print_extents(model, result, quantities)
         soft = result.events or result.segments[0].sticking
         if verdict or not soft:
-            print_comparison(verdict, verbose=verbose)
+            dynamics_report.print_comparison(verdict, verbose=verbose)
         if soft:
             times = [f"{number(s.first)} to {number(s.last)} s" for s in compared_segments(result)]
             compared = (

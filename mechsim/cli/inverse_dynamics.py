@@ -6,19 +6,8 @@ from typing import Annotated, Any
 
 import numpy as np
 
+from mechsim.cli import dynamics_report
 from mechsim.cli.command import Result, Stated, Without, command, table_or_plot_file
-from mechsim.cli.dynamics_report import (
-    Verbose,
-    print_comparison,
-    print_peaks,
-    require_method,
-    require_samples,
-    require_turns,
-    verdict_data,
-    with_masses,
-    without_solution,
-    write_outputs,
-)
 from mechsim.cli.exit_codes import notes
 from mechsim.cli.load_options import LoadOptions
 from mechsim.cli.options import ModelOptions
@@ -71,10 +60,10 @@ class InverseOptions:
 
     def check(self) -> None:
         """Raise InputError for invalid options, before any computation."""
-        require_method(self.method, "pose", "step", "none")
+        dynamics_report.require_method(self.method, "pose", "step", "none")
         if self.samples is not None:
-            require_samples(self.samples)
-        require_turns(self.turns)
+            dynamics_report.require_samples(self.samples)
+        dynamics_report.require_turns(self.turns)
 
     @property
     def rows(self) -> int:
@@ -88,7 +77,7 @@ def inverse(
     loads: Annotated[LoadOptions, Without("motor")],
     options: InverseOptions,
     stated: Stated,
-    verbose: Verbose = False,
+    verbose: dynamics_report.Verbose = False,
 ) -> Result:
     """Compute the drive torque and the joint reactions of a prescribed motion.
 
@@ -107,8 +96,8 @@ def inverse(
     try:
         result = _prescribed(model, options, verbose)
     except FrictionError as error:
-        result = without_solution(error)
-    return with_masses(model, result, verbose)
+        result = dynamics_report.without_solution(error)
+    return dynamics_report.with_masses(model, result, verbose)
 
 
 def _prescribed(model: DynamicModel, options: InverseOptions, verbose: bool) -> Result:
@@ -147,7 +136,7 @@ def _prescribed(model: DynamicModel, options: InverseOptions, verbose: bool) -> 
             )
             verdict = crosscheck_driven(run, model, solved=solved, progress=next(steps))
     contacts = contact_forces(model, profile.state, time)
-    write_outputs(
+    dynamics_report.write_outputs(
         options.output,
         lambda: dict(study.columns()),
         lambda: plots.dynamics_sheet(
@@ -158,7 +147,7 @@ def _prescribed(model: DynamicModel, options: InverseOptions, verbose: bool) -> 
     note = "; ".join(filter(None, (alone, run and run.note)))
 
     def text() -> None:
-        print_peaks(model.mechanism.name, study)
+        dynamics_report.print_peaks(model.mechanism.name, study)
         if steady is not None:
             # 0 if the mean torque is rounding noise
             mean = without_noise([steady.torque, float(np.abs(study.forces.torque).max())])[0]
@@ -169,7 +158,7 @@ def _prescribed(model: DynamicModel, options: InverseOptions, verbose: bool) -> 
             print_text(sentence if mean or steady.flywheel else "")
         for name, contact in contacts.items():
             print_text(contact.sentence(name))
-        print_comparison(verdict, note, verbose=verbose)
+        dynamics_report.print_comparison(verdict, note, verbose=verbose)
         print_text("" if options.output else DRAWN)
 
     data = {
@@ -177,7 +166,7 @@ def _prescribed(model: DynamicModel, options: InverseOptions, verbose: bool) -> 
         **study_facts(study),
         "fluctuation": steady,
         "note": note,
-        **verdict_data(verdict, method),
+        **dynamics_report.verdict_data(verdict, method),
     }
     return Result(data, text, verdict is None or verdict.passed)
 

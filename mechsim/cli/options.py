@@ -120,17 +120,6 @@ ChangePointOption = Annotated[
 ]
 
 
-def with_policy(solver: KinematicSolver, policy: str | None) -> KinematicSolver:
-    """Return a mechanism with a change-point policy; None leaves it unchanged."""
-    if policy is None:
-        return solver
-    if policy not in ("smooth", "branch"):
-        raise InputError(f"--change-point is {policy!r}; it can be smooth or branch")
-    if not solver.change_points():
-        raise InputError(f"{solver.name} has no change points; leave out --change-point")
-    return solver.with_change_point("smooth" if policy == "smooth" else "branch")
-
-
 def pair_of(example: str, *, name_alone: bool = False) -> Callable[[str], tuple[str, str | None]]:
     """Return a reader of NAME=VALUE of the option in the example; VALUE is optional with `name_alone`."""
     option_name = example.partition(" ")[0]
@@ -239,6 +228,17 @@ class ModelOptions(DriveOptions):
         warn_about_parameters(self.model, self.parameters)
         opened = load_by_motors if by_motors else load
         return _with_notes(opened(self.model, **self.load_arguments(), still=still))
+
+    def load_with_policy(self, policy: str | None) -> KinematicSolver:
+        """Return the mechanism with a change-point policy; None leaves it unchanged."""
+        solver = self.load()
+        if policy is None:
+            return solver
+        if policy not in ("smooth", "branch"):
+            raise InputError(f"--change-point is {policy!r}; it can be smooth or branch")
+        if not solver.change_points():
+            raise InputError(f"{solver.name} has no change points; leave out --change-point")
+        return solver.with_change_point("smooth" if policy == "smooth" else "branch")
 
     def load_moving(self, *, by_motors: bool = False) -> KinematicSolver:
         """Return a mechanism whose motion is determined by a crank or by motion laws."""

@@ -5,7 +5,7 @@ import os
 import shutil
 import sys
 import textwrap
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import zip_longest
 from typing import TYPE_CHECKING, Annotated, Any
@@ -15,7 +15,6 @@ import typer
 from mechsim import units
 from mechsim.errors import InputError, several
 from mechsim.files import plain
-from mechsim.numerics.arrays import Array
 
 if TYPE_CHECKING:
     from mechsim.kinematics.solvers import KinematicSolver
@@ -62,24 +61,6 @@ SI_UNITS = OutputUnits("m", "rad")
 DEGREES = OutputUnits("m", "deg")
 # last line of a command of dynamics without -o
 DRAWN = "-o FILE.svg draws it"
-
-
-def in_units(
-    columns: Iterable[tuple[str, Array]], units_of: Mapping[str, str], shown: OutputUnits | None
-) -> dict[str, Array]:
-    """Return the columns of a table in other units, which label them; in SI without labels for None.
-
-    Args:
-        columns: names and values in SI.
-        units_of: column -> SI unit.
-        shown: units of lengths and angles.
-    """
-    if shown is None:
-        return dict(columns)
-    return {
-        shown.label(name, units_of.get(name, "")): values / shown.converted(units_of.get(name, ""))[0]
-        for name, values in columns
-    }
 
 
 def output_units(text: str | None, solver: "KinematicSolver") -> OutputUnits | None:

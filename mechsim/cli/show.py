@@ -7,21 +7,11 @@ from typing import Annotated, Any
 
 import typer
 
+from mechsim.cli import output
 from mechsim.cli.command import Result, Stated, Without, command
 from mechsim.cli.finding_text import findings_in_json, kind, print_findings
 from mechsim.cli.options import ModelOptions, warn_about_angle
-from mechsim.cli.output import (
-    SI_UNITS,
-    OutputUnits,
-    Units,
-    Value,
-    in_colour,
-    number,
-    output_units,
-    print_table,
-    print_text,
-    without_noise,
-)
+from mechsim.cli.output import Value, in_colour, number, print_table, print_text, without_noise
 from mechsim.io import gallery
 from mechsim.io.scene_findings import scene_findings
 from mechsim.kinematics.loops.mobility import Determinacy
@@ -59,7 +49,7 @@ def show(
     source: Annotated[ModelOptions, Without("track", "duration")],
     stated: Stated,
     angle: str | None = option(None, "List the assemblies at this crank angle; a bare number is rad."),
-    units: Units = None,
+    units: output.Units = None,
 ) -> Result:
     """Show parameters, joints, mobility, crank range, dead centres, assemblies and Assur groups.
 
@@ -68,7 +58,7 @@ def show(
     mechsim show gripper.xml --units mm,deg
     """
     solver = source.load(still=True)
-    shown = output_units(units, solver) or SI_UNITS
+    shown = output.output_units(units, solver) or output.SI_UNITS
     radians = None if angle is None else parse_angle(angle, "the crank angle")
     warn_about_angle("--angle", angle or "", solver.written.angle)
     data = facts(solver, radians)
@@ -151,7 +141,7 @@ def _print_crank(data: dict[str, Any]) -> None:
         print_text(f"  {line}")
 
 
-def _print_assemblies(data: dict[str, Any], shown: OutputUnits) -> None:
+def _print_assemblies(data: dict[str, Any], shown: output.OutputUnits) -> None:
     assemblies = data["assemblies"]
     where = f"at crank angle {_degrees(data['angle'])} deg" if "angle" in data else "at the start"
     if not assemblies:

@@ -11,14 +11,7 @@ from mechsim import files
 from mechsim.cli.command import Result, Stated, command, table_file
 from mechsim.cli.finding_text import findings_in_json, print_finding_lines
 from mechsim.cli.motion_warnings import known_crank_range, limited_swing, loss_of_significance
-from mechsim.cli.options import (
-    SPEED,
-    ChangePointOption,
-    ControlOptions,
-    ModelOptions,
-    require_motion,
-    with_policy,
-)
+from mechsim.cli.options import SPEED, ChangePointOption, ControlOptions, ModelOptions, require_motion
 from mechsim.cli.output import number, print_text
 from mechsim.cli.progress import progress
 from mechsim.cli.verdict_text import headline
@@ -109,7 +102,7 @@ def simulate(
         plain = plain_settings(settings, options.timestep, float(controlled.model.opt.timestep))
         return run_under_controls(controlled, plain, options.tolerance_in_metres, options.samples, output)
     stated.exclude(OF_STEPS, "with --method pose, which takes no steps", options.method == "pose")
-    solver = with_policy(source.load(), change_point)
+    solver = source.load_with_policy(change_point)
     motion = _motion(solver, options, stated)
     if motion is None:
         run, laws = _poses(solver, options), None

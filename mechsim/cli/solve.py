@@ -11,23 +11,8 @@ import typer
 from mechsim import files
 from mechsim.cli.command import JSON_OPTION, Result, Stated, command, table_file
 from mechsim.cli.motion_warnings import AccuracyWarning, limited_swing, loss_of_significance
-from mechsim.cli.options import (
-    SPEED,
-    ChangePointOption,
-    ModelOptions,
-    require_motion,
-    warn_about_angles,
-    with_policy,
-)
-from mechsim.cli.output import (
-    SI_UNITS,
-    OutputUnits,
-    Units,
-    in_units,
-    output_units,
-    print_table,
-    without_noise,
-)
+from mechsim.cli.options import SPEED, ChangePointOption, ModelOptions, require_motion, warn_about_angles
+from mechsim.cli.output import SI_UNITS, OutputUnits, Units, output_units, print_table, without_noise
 from mechsim.cli.progress import progress
 from mechsim.errors import InputError
 from mechsim.kinematics.solvers import KinematicSolver
@@ -114,7 +99,7 @@ def solve(
     mechsim solve arm.xml --drive 'left=30deg*sin(2*pi*t)' --samples 101
     """
     stated.exclude(["units"], "with --json, which is in SI, without -o", as_json and output is None)
-    solver = with_policy(source.load(), change_point)
+    solver = source.load_with_policy(change_point)
     if options.poses is not None:
         from mechsim.io.driver_positions import poses_of_table
 
@@ -156,13 +141,24 @@ def _task(solver: KinematicSolver, options: SolveOptions) -> SolveTask:
     return SolveTask(start, angles, lambda q: start.solve(q, speed), f"{len(angles):,} crank angles")
 
 
+def _columns(motion: "Motion | Poses", shown: OutputUnits | None) -> dict[str, Array]:
+    """Return the columns of a motion in units that label them; in SI without labels for None."""
+    if shown is None:
+        return dict(motion.columns())
+    units_of = motion.column_units()
+    return {
+        shown.label(name, units_of.get(name, "")): values / shown.converted(units_of.get(name, ""))[0]
+        for name, values in motion.columns()
+    }
+
+
 def _whole(
     solver: KinematicSolver, motion: "Motion | Poses", output: str | None, shown: OutputUnits | None
 ) -> Result:
     """Write a motion that is in memory, and return it as the result."""
     few = loss_of_significance(solver, motion) if isinstance(motion, Motion) else None
     if output is not None:
-        files.write_table(output, in_units(motion.columns(), motion.column_units(), shown))
+        files.write_table(output, _columns(motion, shown))
 
     def text() -> None:
         if few is not None:
@@ -170,9 +166,9 @@ def _whole(
         if output is not None:
             typer.echo(f"wrote {len(motion)} rows to {output}")
         elif sys.stdout.isatty():
-            _print_table(solver.name, in_units(motion.columns(), motion.column_units(), shown or SI_UNITS))
+            _print_table(solver.name, _columns(motion, shown or SI_UNITS))
         else:
-            _print_csv([in_units(motion.columns(), motion.column_units(), shown)])
+            _print_csv([_columns(motion, shown)])
 
     data = {"mechanism": solver.name, "rows": len(motion), "output": output}
     data |= {"columns": dict(motion.columns()), "few_digits": few}
@@ -190,7 +186,7 @@ def _in_chunks(task: SolveTask, output: str | None, shown: OutputUnits | None) -
             motion = task.motion_at(instants[first : first + CHUNK])
             if few := loss_of_significance(task.solver, motion):
                 fewest.append(few)
-            yield in_units(motion.columns(), motion.column_units(), shown)
+            yield _columns(motion, shown)
             report()
 
     with progress("solve", -(-len(instants) // CHUNK)) as report:

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from mechsim import files
+from mechsim import files, kinetics
 from mechsim.cli.command import Result, Without, command, table_file, table_or_plot_file
 from mechsim.cli.dynamics_report import Verbose, require_method, with_masses, write_outputs
 from mechsim.cli.exit_codes import notes
@@ -16,17 +16,7 @@ from mechsim.cli.options import ModelOptions
 from mechsim.cli.output import DEGREES, number, print_table, print_text, without_noise
 from mechsim.cli.verdict_text import print_verdicts
 from mechsim.errors import InputError
-from mechsim.kinetics import (
-    DynamicModel,
-    Equilibrium,
-    LoadCurve,
-    Mode,
-    equilibria,
-    holding,
-    holding_range,
-    load_curve,
-    nearest_equilibrium,
-)
+from mechsim.kinetics import DynamicModel, Equilibrium, LoadCurve, Mode
 from mechsim.kinetics.dynamic_run import Initial
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.quantities import coordinate_units
@@ -69,7 +59,7 @@ def statics(
     """
     require_method(method, "pose", "none")
     model, state = loads.dynamic_model(source.load(still=True)), dict(initial.initial)
-    mechanism, solutions = model.mechanism, equilibria(model, initial=state, assemblies=assemblies)
+    mechanism, solutions = model.mechanism, kinetics.equilibria(model, initial=state, assemblies=assemblies)
     verdicts = {
         f"equilibrium {index} in MuJoCo": crosscheck_equilibrium(equilibrium, model)
         for index, equilibrium in enumerate(solutions, start=1)
@@ -129,8 +119,8 @@ def _holding(
 ) -> tuple[dict[str, float], dict[str, tuple[float, float]], str]:
     """Return the forces that hold a stated configuration, their ranges, and why there are none."""
     try:
-        torques = holding(model, initial=state) if state else {}
-        ranges = holding_range(model, initial=state) if state else {}
+        torques = kinetics.holding(model, initial=state) if state else {}
+        ranges = kinetics.holding_range(model, initial=state) if state else {}
     except InputError as error:
         return {}, {}, str(error)
     none = "no driver can hold the initial configuration: none is named, as by inverse --drive"
@@ -171,7 +161,7 @@ def _load_curve(model: DynamicModel, text: str, initial: Mapping[str, Initial]) 
         raise InputError(
             f"--curve is {text!r}; give LOAD=A:B with two numbers in SI, as in P.y=-0.1:0.1"
         ) from None
-    return load_curve(model, load, between=(ends[0], ends[1]), initial=initial)
+    return kinetics.load_curve(model, load, between=(ends[0], ends[1]), initial=initial)
 
 
 def _print_equilibria(mechanism: Mechanism, solutions: Sequence[Equilibrium], assemblies: int) -> None:
@@ -261,7 +251,7 @@ def modes(
     mechsim dynamics modes four_bar --motor crank=-3*crank.q -o modes.svg
     """
     model = loads.dynamic_model(source.load(still=True))
-    equilibrium = nearest_equilibrium(model, initial=dict(initial.initial))
+    equilibrium = kinetics.nearest_equilibrium(model, initial=dict(initial.initial))
     name = model.mechanism.name
 
     def figure() -> Any:

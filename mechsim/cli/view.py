@@ -16,7 +16,7 @@ from mechsim.cli.exit_codes import notes
 from mechsim.cli.load_options import ReleaseOptions, released_model
 from mechsim.cli.options import SPEED, ModelOptions
 from mechsim.errors import InputError
-from mechsim.files import atomic_path
+from mechsim.files import write_content
 from mechsim.mechanism.mechanism import require_axis, require_polynomials
 from mechsim.units import crank_speed, option
 
@@ -59,8 +59,7 @@ def view(
     if path is None:
         path = Path(f"{Path(source.model.split('.py:')[0]).stem}.view.html")
         path = Path(tempfile.mkdtemp(prefix="mechsim-")) / path if browser else path
-    with atomic_path(path) as unfinished:
-        unfinished.write_text(page(contents), encoding="utf-8")
+    write_content(path, page(contents))
     opened = browser is not None and browser.open(path.resolve().as_uri())
     prefix = "no browser on this machine; " if output is None else ""
     text = f"opened {path}" if opened else f"{prefix}wrote {path}"

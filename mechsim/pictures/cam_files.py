@@ -21,14 +21,13 @@ def cam_on(mechanism: Mechanism, joint: str) -> Cam:
     Raises:
         InputError: for another joint.
     """
-    cams = {name: contact.shape for name, contact in mechanism.contacts.items()}
-    cam = cams.get(joint)
-    if not isinstance(cam, Cam):
-        names = ", ".join(name for name, shape in cams.items() if isinstance(shape, Cam))
+    shapes = {name: contact.shape for name, contact in mechanism.contacts.items()}
+    cams = {name: shape for name, shape in shapes.items() if isinstance(shape, Cam)}
+    if joint not in cams:
         raise InputError(
-            f"{mechanism.name}: {joint!r} is no joint of kind cam; choose from {names or 'none'}"
+            f"{mechanism.name}: {joint!r} is no joint of kind cam; choose from {', '.join(cams) or 'none'}"
         )
-    return cam
+    return cams[joint]
 
 
 def cam_table(contact: CamContact) -> dict[str, Array]:
@@ -59,5 +58,4 @@ def cam_text(cam: Cam, extension: str) -> str:
 
 def write_cam(path: Path, cam: Cam) -> None:
     """Write the profile of a cam."""
-    with files.atomic_path(path) as temporary:
-        temporary.write_text(cam_text(cam, path.suffix.lower()), encoding="utf-8")
+    files.write_content(path, cam_text(cam, path.suffix.lower()))

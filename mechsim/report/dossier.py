@@ -17,7 +17,7 @@ from xml.etree import ElementTree
 
 from mechsim._version import __version__
 from mechsim.compare.tolerances import instants_of
-from mechsim.files import atomic_path, plain, stem_of, write_json
+from mechsim.files import plain, stem_of, write_content, write_json
 from mechsim.io import catalog, gallery
 from mechsim.kinematics.designs import DesignFamily
 from mechsim.report.page import METHODS, about_this_run, environment, tightest
@@ -50,13 +50,11 @@ def write_dossier(
     data = dossier(name, model, design, record)
     stem = folder / stem_of(name)
     write_json(f"{stem}.dossier.json", data)
-    checks = [check for _, check in tightest(record.checks)]
-    rows = sorted(checks, key=lambda check: -check.severity)
+    rows = sorted((check for _, check in tightest(record.checks)), key=lambda check: -check.severity)
     template = environment().get_template("dossier.html")
     page = template.render(**data, checks=rows, most=MAX_ROWS, json=f"{stem.name}.dossier.json")
-    for suffix, text in ((".dossier.html", page), (".srmd", _srmd(data, target))):
-        with atomic_path(f"{stem}{suffix}") as temporary:
-            temporary.write_text(text, encoding="utf-8")
+    write_content(f"{stem}.dossier.html", page)
+    write_content(f"{stem}.srmd", _srmd(data, target))
 
 
 def dossier(name: str, model: str, design: DesignFamily, record: Validation | Agreement) -> dict[str, Any]:

@@ -129,7 +129,7 @@ def view(
     Example:
         >>> ms.view("stewart_gough", "platform.html")
     """
-    from mechsim.files import atomic_path
+    from mechsim.files import write_content
     from mechsim.io.readers import load, open_model, parametric_model
     from mechsim.mechanism.mechanism import require_axis
     from mechsim.pictures.view.offline_page import page
@@ -144,8 +144,7 @@ def view(
         contents = live_view(contents, opened, solver, parametric_model(opened, set, **options), rate)
     framed = FramedPage(page(contents), height)
     if output is not None:
-        with atomic_path(Path(output)) as unfinished:
-            unfinished.write_text(framed.text, encoding="utf-8")
+        write_content(Path(output), framed.text)
     return framed
 
 

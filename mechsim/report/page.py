@@ -17,7 +17,7 @@ from typing import Any
 from mechsim._version import __version__
 from mechsim.compare.checks import Check
 from mechsim.errors import OutputError, needs
-from mechsim.files import atomic_path, plain, write_json
+from mechsim.files import plain, write_content, write_json
 from mechsim.mechanism.finding import counted_findings
 from mechsim.pictures import view
 from mechsim.pictures.number_text import number, quantity_text
@@ -102,11 +102,10 @@ def write_report(
     except OSError as error:
         raise OutputError(f"cannot write a report to {directory}: {error.strerror or error}") from error
     about = about_this_run()
-    page = render(results, sections, about, notes)
+    page, path = render(results, sections, about, notes), directory / "index.html"
     write_json(directory / NUMBERS, {**results, "notes": list(notes), "about": about})
-    with atomic_path(directory / "index.html") as temporary:
-        temporary.write_text(page, encoding="utf-8")
-    return directory / "index.html"
+    write_content(path, page)
+    return path
 
 
 @cache

@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from mechsim.errors import MechsimError, MissingToolError, OutputError, needs
-from mechsim.files import atomic_path, stem_of
+from mechsim.errors import MechsimError, MissingToolError, OutputError
+from mechsim.files import stem_of, write_content
 from mechsim.kinematics.designs import DesignFamily, placed_designs
 from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.mechanism.motion import Motion
@@ -120,9 +120,9 @@ def _section(folder: Path, name: str) -> tuple[Section, list[str]]:
     case, notes = _CASES[name], list[str]()
     view, library, path = case_view(case), folder / "three.min.js", folder / f"{stem_of(name)}.view.html"
     # all views share one file of three.js
-    for file, text in ((library, three_js()), (path, page(view, library.name))) if view else ():
-        with atomic_path(file) as temporary:
-            temporary.write_text(text, encoding="utf-8")
+    if view:
+        write_content(library, three_js())
+        write_content(path, page(view, library.name))
     section = Section(
         name=name,
         about=about(case.solver),
@@ -146,11 +146,11 @@ def _picture(
     look, out = Look(size=RESOLUTION, **drawn_as(solver)), io.BytesIO()
     try:
         picture = still(solver.mechanism, motion, look, paths="whole", **ghost)
-        with needs("pictures"):
-            from PIL import Image
     except (MissingToolError, OutputError) as error:
         notes.append(str(error))
         return None
+    from PIL import Image
+
     Image.fromarray(picture).save(out, "WEBP", quality=PICTURE_QUALITY)
     return out.getvalue()
 

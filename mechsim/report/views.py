@@ -22,17 +22,8 @@ from mechsim.mechanism.motion_laws import constant, interval_around, make_motion
 from mechsim.numerics.arrays import REVOLUTION, Array
 from mechsim.numerics.graphs import components
 from mechsim.pictures.render.drawn_model import drawn_as
-from mechsim.pictures.view.pose_grid import (
-    GhostTrack,
-    Landmark,
-    PoseGrid,
-    Readout,
-    View,
-    ascending,
-    ghost_of,
-    motion_grid,
-    with_resting,
-)
+from mechsim.pictures.view import pose_grid
+from mechsim.pictures.view.pose_grid import GhostTrack, Landmark, PoseGrid, Readout, View, motion_grid
 from mechsim.studies.drawn_motion import stepped
 from mechsim.studies.release import Release
 from mechsim.studies.scene.own_settings import runs_as_published
@@ -176,7 +167,7 @@ def release_view(release: Release, mode: int | None) -> View:
 def stepped_ghost(solver: KinematicSolver, run: Motion) -> GhostTrack | None:
     """Return where a stepped run of MuJoCo puts the links; None for a run that broke down."""
     name = "MuJoCo, the file's own settings" if runs_as_published(solver) else "MuJoCo, stepped"
-    return None if run.broken else ghost_of(name, solver.mechanism, solver.solve_as(run), run)
+    return None if run.broken else pose_grid.ghost_of(name, solver.mechanism, solver.solve_as(run), run)
 
 
 # range of a driver moved by hand to either side without limits of a file: in [rad], and relative to the size
@@ -224,7 +215,7 @@ def hand_grids(
     for name in mechanism.drivers:
         links = next(group for group in groups if {*mechanism.joint_with(name)[0].links} - {GROUND} <= group)
         connected = mechanism_of(mechanism, links, motion)
-        grids.append(with_resting(_hand_grid(solver, name, connected, begin, limits), rest))
+        grids.append(pose_grid.with_resting(_hand_grid(solver, name, connected, begin, limits), rest))
     return grids
 
 
@@ -366,7 +357,7 @@ def case_view(case: Validation) -> View | None:
     solver, motion = case.solver, case.exact
     if not motion.links:
         return None
-    shown = select_instants(motion, ascending(motion))
+    shown = select_instants(motion, pose_grid.ascending(motion))
     if motion.drivers and shown.time is not None:
         grid = motion_grid("judged", solver.mechanism, shown, driver="time", unit="s", nodes=shown.time)
     else:

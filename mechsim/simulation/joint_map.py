@@ -14,14 +14,8 @@ from mechsim.mechanism.limits import require_count
 from mechsim.mechanism.motion import short_repr
 from mechsim.numerics.arrays import ROUNDING, Array
 from mechsim.numerics.resources import Progress, no_progress
-from mechsim.simulation.closed_configurations import (
-    BATCH,
-    StraightPath,
-    driver_ranges,
-    least_squares,
-    scalar_dof,
-    straight_path,
-)
+from mechsim.simulation import closed_configurations
+from mechsim.simulation.closed_configurations import BATCH, StraightPath, least_squares, straight_path
 from mechsim.simulation.mjcf_reader.pose_chains import POSITIONS, ROTATIONS, site_or_body
 from mechsim.simulation.state import PointJacobians, mass_matrix, rotation_vector_rates, scalar_joints
 
@@ -246,7 +240,7 @@ def map_over_grid(
         require_count("the degrees of the polynomials", degree, MAX_TERMS, "give a lower --degree")
         terms = comb(degree + len(names), degree)
         require_count(f"the terms of degree {degree}", terms, MAX_TERMS, "give a lower --degree")
-    dofs = [scalar_dof(model, name) for name in names]
+    dofs = [closed_configurations.scalar_dof(model, name) for name in names]
     path = straight_path(model, dofs, start, fix_base=fix_base)
     ranges = inputs if isinstance(inputs, Mapping) else dict.fromkeys(names)
     low, high = np.array([_range(path, i, name, ranges[name]) for i, name in enumerate(names)]).T
@@ -290,7 +284,7 @@ def _range(
     if ends is None:
         if not model.jnt_limited[joint]:
             raise InputError(f"joint {name} has no limits; give its range, as {name}=-20deg:20deg")
-        low, high = (float(bounds[index]) for bounds in driver_ranges(path))
+        low, high = (float(bounds[index]) for bounds in closed_configurations.driver_ranges(path))
     else:
         low, high = ends
     if not -np.inf < low < high < np.inf:

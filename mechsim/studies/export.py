@@ -141,8 +141,7 @@ def export(
             text, omitted = _mjcf_text(solver, scene, settings, timestep, speed)
         result = ExportedModel(solver.name, format, text, left_out=omitted)
     if output is not None:
-        with files.atomic_path(Path(fspath(output))) as unfinished:
-            unfinished.write_text(result.text, encoding="utf-8")
+        files.write_content(Path(fspath(output)), result.text)
     return result
 
 

@@ -8,17 +8,8 @@ import numpy as np
 from mechsim.mechanism.force_record import Fluctuation, ForceRecord
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.number_text import readable
-from mechsim.pictures.plots.figure import (
-    COLOURS,
-    LEGEND_RIGHT,
-    STYLES,
-    along_axis,
-    blank,
-    draw_curves,
-    flattened,
-    label_of,
-    styled,
-)
+from mechsim.pictures.plots import figure as figures
+from mechsim.pictures.plots.figure import COLOURS, LEGEND_RIGHT, STYLES, along_axis, blank, label_of, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -77,7 +68,7 @@ def _torque(
     if simulated is not None:
         _simulated(ax, np.rad2deg(simulated.angle), simulated.torque / factor, "MuJoCo")
     ax.set_ylabel(f"torque [{unit}]")
-    flattened(
+    figures.flattened(
         ax, max(float(np.abs(values).max(initial=0.0)) for values in components.values()) / factor, unit
     )
     along_axis(ax)
@@ -120,7 +111,7 @@ def _powers(ax: "Axes", result: ForceRecord, power_stored: Array) -> None:
         "less lost": -result.power_lost,
         "less stored": -power_stored,
     }
-    factor, _ = draw_curves(ax, along, powers, "power into the machine", "W")
+    factor, _ = figures.draw_curves(ax, along, powers, "power into the machine", "W")
     ax.plot(along, np.sum([*powers.values()], axis=0) / factor, color=RINGS, lw=1.0, label="sum")
     along_axis(ax, bool(result.drives))
     ax.legend(**LEGEND_RIGHT)
@@ -130,7 +121,7 @@ def _speeds(ax: "Axes", fluctuation: Fluctuation) -> None:
     label = f"flywheel {fluctuation.flywheel:.3g} kg m², δ = {fluctuation.coefficient:.3g}"
     ax.plot(np.rad2deg(fluctuation.angle), fluctuation.speed, color=COLOURS[0], ls=STYLES[0], label=label)
     ax.axhline(fluctuation.mean, color=RINGS, lw=0.8)
-    flattened(ax, abs(float(fluctuation.mean)), "rad/s")
+    figures.flattened(ax, abs(float(fluctuation.mean)), "rad/s")
     ax.set_ylabel("crank speed [rad/s]")
     along_axis(ax)
     ax.legend(**LEGEND_RIGHT)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.errors import InputError, needs
-from mechsim.files import atomic_path
+from mechsim.files import write_content
 from mechsim.mechanism.motion import Motion
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.number_text import power_of_ten, readable
@@ -158,9 +158,7 @@ def write(path: str | Path, figure: Figure) -> None:
         InputError: for an unknown extension.
         OutputError: where the file cannot be written.
     """
-    drawing = drawn(figure, format_of(path))
-    with atomic_path(path) as temporary:
-        temporary.write_bytes(drawing)
+    write_content(path, drawn(figure, format_of(path)))
 
 
 def label_of(name: str) -> str:
@@ -199,8 +197,7 @@ def along_axis(ax: Axes, timed: bool = False) -> None:
     if timed:
         ax.set_xlabel("time [s]")
         return
-    with needs("pictures"):
-        from matplotlib.ticker import MultipleLocator
+    from matplotlib.ticker import MultipleLocator
 
     ax.set_xlabel("crank angle [°]")
     low, high = ax.get_xlim()
@@ -229,8 +226,7 @@ def flattened(ax: Axes, scale: float, unit: str) -> None:
 
 def round_numbers(axis: Axis) -> None:
     """Label 1, 2 and 5 of each decade of a logarithmic axis with plain numbers; others without these."""
-    with needs("pictures"):
-        from matplotlib.ticker import FormatStrFormatter, LogLocator, NullLocator
+    from matplotlib.ticker import FormatStrFormatter, LogLocator, NullLocator
 
     axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axis.set_major_formatter(FormatStrFormatter("%g"))
@@ -239,12 +235,10 @@ def round_numbers(axis: Axis) -> None:
 
 def decades(axis: Axis) -> None:
     """Label powers of ten as plain text: typesetting each as a formula takes most of the time of a plot."""
-    with needs("pictures"):
-        from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
     def power(value: float, _position: Any = None) -> str:
-        exponent = round(float(np.log10(value))) if value > 0.0 else 0
-        return power_of_ten(exponent)
+        return power_of_ten(round(float(np.log10(value))) if value > 0.0 else 0)
 
     axis.set_major_locator(LogLocator(numticks=MAX_DECADES))
     axis.set_major_formatter(FuncFormatter(power))

@@ -12,20 +12,8 @@ from numpy.typing import ArrayLike
 from mechsim.mechanism.motion import Motion
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.number_text import prefixed, readable
-from mechsim.pictures.plots.figure import (
-    COLOURS,
-    LEGEND_RIGHT,
-    ROUNDED,
-    STYLES,
-    abscissa,
-    along_axis,
-    blank,
-    decades,
-    flattened,
-    label_of,
-    point_names,
-    styled,
-)
+from mechsim.pictures.plots import figure as figures
+from mechsim.pictures.plots.figure import COLOURS, LEGEND_RIGHT, STYLES, along_axis, blank, label_of, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -45,10 +33,10 @@ def motion_plot(motion: Motion) -> Figure:
     Args:
         motion: what to draw.
     """
-    names, scales = point_names(motion), _scales(motion)
+    x, names, scales = figures.abscissa(motion), figures.point_names(motion), _scales(motion)
     # a planar mechanism stays at zero along z
     reach = np.max([np.abs(point.position).max(axis=0) for point in motion.points.values()], axis=0)
-    shown = np.flatnonzero(~(reach <= ROUNDED * scales[0])).tolist() or [0, 1, 2]
+    shown = np.flatnonzero(~(reach <= figures.ROUNDED * scales[0])).tolist() or [0, 1, 2]
     # as wide as other plots, so that a page scales their text alike
     width = max(5.4, 3.0 * len(names) + 0.6)
     figure, axes = blank(3, len(names), (width, 6.0), sharex=True)
@@ -57,11 +45,9 @@ def motion_plot(motion: Motion) -> Figure:
             ax, values = axes[row, column], getattr(motion.points[name], label)
             factor, unit = readable(values, si)
             for i in shown:
-                ax.plot(
-                    abscissa(motion), values[:, i] / factor, color=COLOURS[i], ls=STYLES[i], label="xyz"[i]
-                )
+                ax.plot(x, values[:, i] / factor, color=COLOURS[i], ls=STYLES[i], label="xyz"[i])
             ax.set_ylabel(f"{label} [{unit}]")
-            flattened(ax, scales[row] / factor, unit)
+            figures.flattened(ax, scales[row] / factor, unit)
             # one position for all labels of a column; computing it takes a third of the plot's time
             ax.yaxis.set_label_coords(-0.6 * len(names) / width, 0.5)
         axes[0, column].set_title(label_of(name))
@@ -125,7 +111,7 @@ def error_plot(
         ax.semilogy(x, error, color=COLOURS[i % 6], ls=STYLES[i % 3], lw=1.2, label=label_of(label))
     if tolerance is not None:
         ax.axhline(tolerance, color="#b00020", lw=1.2, ls="--", label=f"tolerance {tolerance:.1e} m")
-    decades(ax.yaxis)
+    figures.decades(ax.yaxis)
     # an error that changes its sign passes zero; showing that would flatten all other errors
     sizes = (np.abs(np.asarray(values, dtype=np.float64)) for values in errors.values())
     peaks = [float(np.max(error, where=np.isfinite(error), initial=0.0)) for error in sizes]
@@ -204,7 +190,7 @@ def _difference(ax: Axes, x: Array, curves: TwoCurves) -> None:
     gap = curves.claimed - curves.exact
     if curves.unit == "rad":
         gap = gap - 2.0 * np.pi * np.round(gap / (2.0 * np.pi))
-    floor = ROUNDED * float(np.nanmax(np.abs(curves.exact), initial=0.0))
+    floor = figures.ROUNDED * float(np.nanmax(np.abs(curves.exact), initial=0.0))
     rounding = float(np.nanmax(np.abs(gap), initial=0.0)) < floor
     factor, unit = readable(np.array([max(floor, curves.tolerance)]) if rounding else gap, curves.unit)
     if rounding:

@@ -19,17 +19,9 @@ from mechsim.numerics.arrays import REVOLUTION, Array
 from mechsim.pictures.label_positions import Rectangle, placed, shared
 from mechsim.pictures.number_text import prefixed, readable
 from mechsim.pictures.plots.figure import INK, ROUNDED, STYLES, blank, label_of, point_names, styled
+from mechsim.shapes import body
 from mechsim.shapes.belts import draw_ropes
-from mechsim.shapes.body import (
-    Canvas,
-    edges,
-    fixed_links,
-    fixed_pivots,
-    point_colours,
-    span,
-    stations,
-    travels,
-)
+from mechsim.shapes.body import stations
 from mechsim.shapes.camera import clearest_pose, directions, nice
 from mechsim.shapes.gears import racks_of, wheels_of
 from mechsim.shapes.guides import CHORDS, contact_points, hidden_links
@@ -70,14 +62,14 @@ def schematic_plot(mechanism: Mechanism, motion: Motion, forces: Forces | None =
     if hinged_normals(mechanism) and float(np.cross(up, back).sum()) < 0.0:
         back = -back  # the other side would mirror the coordinates
     view = np.column_stack([np.cross(up, back), up])
-    pivots = fixed_pivots(mechanism)
+    pivots = body.fixed_pivots(mechanism)
     mechanism, moved = with_rods(mechanism, moved_links(mechanism, motion))
     poses = {GROUND: IDENTITY, **moved}
     frame = clearest_pose(mechanism, poses, (view[:, 0], view[:, 1]))
     shown = {link: pose.select(frame) for link, pose in poses.items()}
     figure, axes = blank(1, 1, (4.8, 3.6))
-    ax, length_scale = axes[0, 0], span(mechanism)
-    hidden, of_frame = hidden_links(mechanism), fixed_links(mechanism)
+    ax, length_scale = axes[0, 0], body.span(mechanism)
+    hidden, of_frame = hidden_links(mechanism), body.fixed_links(mechanism)
     for link in mechanism.links:
         if link.polygon:
             corners = np.array([shown[link.name].point(vector(corner)) @ view for corner in link.outline])
@@ -85,7 +77,7 @@ def schematic_plot(mechanism: Mechanism, motion: Motion, forces: Forces | None =
             ax.fill(*corners.T, facecolor=face, edgecolor=INK, lw=1.8, zorder=1)
         elif link.name not in hidden:
             _draw_link(ax, [shown[link.name].point(tuple(p)) @ view for p in stations(mechanism, link.name)])
-    sliding = travels(mechanism, poses)
+    sliding = body.travels(mechanism, poses)
     joints = [j for j in mechanism.joints if not (KINDS[j.kind].floating or hidden.intersection(j.links))]
     outlines = [*_pitch_lines(mechanism, shown), *_profiles(mechanism, shown), *_legs(joints, shown)]
     for line in [*outlines, *_ropes(mechanism, shown, sliding)]:
@@ -185,7 +177,7 @@ def _ropes(
     mechanism: Mechanism, poses: Mapping[str, Pose], sliding: Mapping[str, tuple[float, float]]
 ) -> Iterator[Array]:
     """Yield the falls of ropes, and the circles of their drums and pulleys, (n, 3)."""
-    canvas = Canvas(mechanism, dict(sliding), {})
+    canvas = body.Canvas(mechanism, dict(sliding), {})
     draw_ropes(canvas)
     for link, shapes in canvas.out.items():
         for shape in shapes:
@@ -218,7 +210,7 @@ def _legs(joints: Sequence[Joint], poses: Mapping[str, Pose]) -> Iterator[Array]
 
 def _draw_link(ax: "Axes", points: list[Array]) -> None:
     """Draw the body of a link; a link with three or more joints is a filled polygon."""
-    lines = np.array([*edges([np.append(point, 0.0) for point in points])]).reshape(-1, 2, 3)[..., :2]
+    lines = np.array([*body.edges([np.append(point, 0.0) for point in points])]).reshape(-1, 2, 3)[..., :2]
     if len(points) > 2 and len(lines) > 2:
         around = np.concatenate([lines[:, 0], lines[:, 1]])
         order = np.argsort(np.arctan2(*(around - around.mean(0)).T[::-1]))
@@ -284,7 +276,7 @@ def coupler_curve(mechanism: Mechanism, motion: Motion) -> "Figure":
         mechanism: the mechanism with these points; gives the colours.
         motion: paths drawn as lines.
     """
-    names, colours = point_names(motion), point_colours(mechanism)
+    names, colours = point_names(motion), body.point_colours(mechanism)
     positions = {name: motion.points[name].position for name in names}
     everything = np.vstack(list(positions.values()))
     factor, unit = readable(everything, "m")

@@ -13,20 +13,8 @@ from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.motion import Motion
 from mechsim.mechanism.moved_links import moved_links
 from mechsim.numerics.arrays import Array
-from mechsim.pictures.plots.figure import (
-    COLOURS,
-    LEGEND_RIGHT,
-    STYLES,
-    abscissa,
-    along_axis,
-    blank,
-    decades,
-    draw_curves,
-    flattened,
-    label_of,
-    round_numbers,
-    styled,
-)
+from mechsim.pictures.plots import figure as figures
+from mechsim.pictures.plots.figure import COLOURS, LEGEND_RIGHT, STYLES, along_axis, blank, label_of, styled
 from mechsim.shapes.body import edges, stations
 from mechsim.shapes.camera import directions
 
@@ -65,7 +53,7 @@ def history_plot(motion: Motion, energies: Mapping[str, Array], quantities: Mapp
         "work of motor and loads": energies["work"],
         "lost": energies["lost"],
     }
-    draw_curves(axes[-1, 0], time, curves, "energy", "J")
+    figures.draw_curves(axes[-1, 0], time, curves, "energy", "J")
     axes[-1, 0].legend(**LEGEND_RIGHT)
     axes[-1, 0].set_xlabel("time [s]")
     return figure
@@ -81,9 +69,9 @@ def quantity_plot(motion: Motion, quantities: Mapping[str, Array]) -> Figure:
     """
     figure, axes = blank(len(quantities), 1, (5.8, 0.8 + 2.0 * len(quantities)), sharex=True)
     for i, (ax, (label, values)) in enumerate(zip(axes[:, 0], quantities.items(), strict=True)):
-        ax.plot(abscissa(motion), values, color=COLOURS[i % 6])
+        ax.plot(figures.abscissa(motion), values, color=COLOURS[i % 6])
         ax.set_ylabel(label_of(label))
-        flattened(ax, float(np.abs(values).max(initial=0.0)), "")
+        figures.flattened(ax, float(np.abs(values).max(initial=0.0)), "")
     along_axis(axes[-1, 0], bool(motion.drivers))
     return figure
 
@@ -96,9 +84,9 @@ def _coordinates(ax: Axes, time: Array, motion: Motion, unit: str) -> None:
             values = joint.value.reshape(len(time), -1)
             for k, column in enumerate(values.T):
                 curves[f"{name}.q{k if values.shape[1] > 1 else ''}"] = column
-    factor, text = draw_curves(ax, time, curves, "angle" if unit == "rad" else "displacement", unit)
+    factor, text = figures.draw_curves(ax, time, curves, "angle" if unit == "rad" else "displacement", unit)
     scale = max(float(np.abs(values).max(initial=0.0)) for values in curves.values())
-    flattened(ax, scale / factor, text)
+    figures.flattened(ax, scale / factor, text)
     ax.legend(**LEGEND_RIGHT)
 
 
@@ -114,11 +102,11 @@ def bode_plot(response: Mapping[str, Array], label: str) -> Figure:
     frequency = response["frequency"]
     magnitude.loglog(frequency, response["magnitude"], color=COLOURS[0])
     magnitude.set_ylabel(label_of(label))
-    decades(magnitude.yaxis)
+    figures.decades(magnitude.yaxis)
     phase.semilogx(frequency, np.rad2deg(response["phase"]), color=COLOURS[1])
     phase.set_ylabel("phase [°]")
     phase.set_xlabel("frequency [Hz]")
-    round_numbers(phase.xaxis)
+    figures.round_numbers(phase.xaxis)
     return figure
 
 

@@ -17,16 +17,7 @@ from mechsim.mechanism.motion import Motion
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.render import gl_backend as backends
 from mechsim.pictures.render.drawn_model import DrawnModel, faded
-from mechsim.pictures.render.frame_poses import (
-    FramePoses,
-    Ghost,
-    errors,
-    factor,
-    frame_indices,
-    frame_poses,
-    magnified,
-    mixed,
-)
+from mechsim.pictures.render.frame_poses import FramePoses, Ghost, frame_poses, ghost_of_run
 from mechsim.pictures.render.labels import INK, Notes, Picture, Placement, written
 from mechsim.pictures.render.look import Look, changed
 from mechsim.pictures.render.scenery import CAMERA, DECOR, Chain, chain, coil, dashpot, put_arrow
@@ -210,22 +201,7 @@ class Source:
         """Return the ghost with its error magnified by a factor, or by an automatic one."""
         if self.exact is None:
             return None
-        if not np.allclose(self.exact.angle, self.motion.angle, rtol=0.0, atol=1e-9):
-            raise InputError("the ghost stands at other crank angles than the run; solve it at the run's")
-        # errors are taken at the samples and then interpolated, so that the interpolation error
-        # is not magnified
-        spinning = self.exact.spinning | self.motion.spinning
-        exact = frame_poses(self.mechanism, self.exact).poses
-        run = frame_poses(self.mechanism, self.motion).poses
-        deviations = errors(self.mechanism, run, exact, spinning)
-        by = factor(self.mechanism, deviations) if by is None else by
-        indices = frame_indices(self.motion, angles, self.every)
-        deviations = {
-            name: (mixed(shift, indices), mixed(rotation, indices))
-            for name, (shift, rotation) in deviations.items()
-        }
-        poses = magnified(self.mechanism, self.frames(angles).poses, deviations, by)
-        return Ghost(poses, by, self.exact.source)
+        return ghost_of_run(self.mechanism, self.motion, self.exact, angles, self.every, by)
 
 
 def draw(drawn: DrawnModel, backend: backends.Backend, start: int = 0) -> Generator[Picture]:

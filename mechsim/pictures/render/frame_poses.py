@@ -239,6 +239,34 @@ def frame_poses(
     return FramePoses(requested, poses, points, paths, passed, vectors, starts, time)
 
 
+def ghost_of_run(
+    mechanism: Mechanism, run: Motion, exact: Motion, angles: ArrayLike | None, every: int, by: float | None
+) -> Ghost:
+    """Return the ghost of a run with its error magnified by a factor, or by an automatic one.
+
+    Args:
+        mechanism: the mechanism.
+        run: its motion.
+        exact: the same motion by the closed form, sample by sample.
+        angles: as in `frame_poses`.
+        every: likewise.
+        by: the factor; None for one that makes errors visible.
+    """
+    if not np.allclose(exact.angle, run.angle, rtol=0.0, atol=1e-9):
+        raise InputError("the ghost stands at other crank angles than the run; solve it at the run's")
+    # errors are taken at the samples and then interpolated, so that the interpolation error is not magnified
+    solid, other = (frame_poses(mechanism, motion).poses for motion in (run, exact))
+    deviations = errors(mechanism, solid, other, exact.spinning | run.spinning)
+    by = factor(mechanism, deviations) if by is None else by
+    indices = frame_indices(run, angles, every)
+    deviations = {
+        name: (mixed(shift, indices), mixed(rotation, indices))
+        for name, (shift, rotation) in deviations.items()
+    }
+    poses = magnified(mechanism, frame_poses(mechanism, run, angles, every=every).poses, deviations, by)
+    return Ghost(poses, by, exact.source)
+
+
 def frame_indices(motion: Motion, angles: ArrayLike | None, every: int) -> Array:
     """Return the positions of frames among the samples of a motion, as fractional indices."""
     last = len(motion) - 1

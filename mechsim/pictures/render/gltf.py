@@ -4,6 +4,7 @@ Source: Khronos Group, "glTF 2.0 specification", 2021, sections 3 and 4.4.
 """
 
 import json
+from collections import defaultdict
 from collections.abc import Sequence
 from os import PathLike
 from pathlib import Path
@@ -12,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.files import atomic_path
+from mechsim.files import write_content
 from mechsim.mechanism.links import GROUND, Pose
 from mechsim.mechanism.mechanism import Mechanism, unit_vector
 from mechsim.mechanism.motion import Motion
@@ -64,47 +65,43 @@ def write_gltf(
     across = across_of(np.array([1.0, 0.0, 0.0]), up)
     orientation = Pose(np.zeros(3), np.array([across, up, np.cross(across, up)]))
     root = {"name": mechanism.name, "rotation": _quaternions(orientation.rotation[None])[0].tolist()}
-    file.nodes.append(root)
+    file.add("nodes", root)
     frames = next(len(pose.position) for name, pose in poses.items() if name != GROUND)
     times = file.accessor(np.arange(frames)[:, None] / fps, bounds=True)
     for link, shapes in bodies.items():
-        if not shapes:
-            continue
-        file.nodes.append({"name": link, "mesh": file.mesh(shapes)})
-        if link != GROUND:
-            file.move(len(file.nodes) - 1, times, poses[link])
-    root["children"] = list(range(1, len(file.nodes)))
-    with atomic_path(Path(path)) as temporary:
-        temporary.write_bytes(file.packed(mechanism.name))
+        if shapes:
+            node = file.add("nodes", {"name": link, "mesh": file.mesh(shapes)})
+            if link != GROUND:
+                file.move(node, times, poses[link])
+    root["children"] = list(range(1, len(file.tables["nodes"])))
+    write_content(Path(path), file.packed(mechanism.name))
     return frames
 
 
 class _File:
-    """The parts of a file: its tables in JSON, and the bytes of its numbers."""
+    """The parts of a file: its tables in JSON, whose entries name others by their index, and its numbers."""
 
     def __init__(self) -> None:
-        self.nodes: list[dict[str, Any]] = []
-        self.meshes: list[dict[str, Any]] = []
-        self.materials: list[dict[str, Any]] = []
-        self.accessors: list[dict[str, Any]] = []
-        self.views: list[dict[str, Any]] = []
-        self.samplers: list[dict[str, Any]] = []
-        self.channels: list[dict[str, Any]] = []
+        self.tables = defaultdict[str, list[dict[str, Any]]](list)
         self.bytes = bytearray()
+
+    def add(self, table: str, entry: dict[str, Any]) -> int:
+        """Add an entry to a table and return its index."""
+        self.tables[table].append(entry)
+        return len(self.tables[table]) - 1
 
     def accessor(self, values: NDArray[Any], target: int | None = None, *, bounds: bool = False) -> int:
         """Add numbers (n, width) and return their index; indices of vertices stay integers."""
         whole = np.issubdtype(values.dtype, np.integer)
         stored = np.ascontiguousarray(values, dtype="<u4" if whole else "<f4")
         view = {"buffer": 0, "byteOffset": len(self.bytes), "byteLength": stored.nbytes}
-        self.views.append(view | ({} if target is None else {"target": target}))
+        index = self.add("bufferViews", view | ({} if target is None else {"target": target}))
         self.bytes += stored.tobytes()
         count, width = stored.shape
         described = {"componentType": UNSIGNED if whole else FLOAT, "type": TYPE_OF_WIDTH[width]}
         if bounds:
             described |= {"min": stored.min(0).tolist(), "max": stored.max(0).tolist()}
-        self.accessors.append({"bufferView": len(self.views) - 1, "count": count, **described})
-        return len(self.accessors) - 1
+        return self.add("accessors", {"bufferView": index, "count": count, **described})
 
     def mesh(self, shapes: Sequence[Shape]) -> int:
         """Add the mesh of a link and return its index."""
@@ -117,8 +114,7 @@ class _File:
             indices = self.accessor(faces.astype(np.uint32).reshape(-1, 1), INDICES)
             material = self._material(shape.rgba)
             primitives.append({"attributes": attributes, "indices": indices, "material": material})
-        self.meshes.append({"primitives": primitives})
-        return len(self.meshes) - 1
+        return self.add("meshes", {"primitives": primitives})
 
     def _material(self, rgba: Sequence[float]) -> int:
         # colours of shapes are those of screens (sRGB); the format has linear ones
@@ -127,32 +123,28 @@ class _File:
         material: dict[str, Any] = {"pbrMetallicRoughness": surface, "doubleSided": True}
         if rgba[3] < 1.0:
             material["alphaMode"] = "BLEND"
-        if material not in self.materials:
-            self.materials.append(material)
-        return self.materials.index(material)
+        own = self.tables["materials"]
+        return own.index(material) if material in own else self.add("materials", material)
 
     def move(self, node: int, times: int, poses: Pose) -> None:
         """Add the motion of a node."""
         for path, values in (("translation", poses.position), ("rotation", _quaternions(poses.rotation))):
-            self.samplers.append({"input": times, "output": self.accessor(values)})
-            target = {"node": node, "path": path}
-            self.channels.append({"sampler": len(self.samplers) - 1, "target": target})
+            sampler = self.add("samplers", {"input": times, "output": self.accessor(values)})
+            self.add("channels", {"sampler": sampler, "target": {"node": node, "path": path}})
 
     def packed(self, name: str) -> bytes:
         """Return the bytes of the file: a header, the tables, the numbers."""
-        tables = {
+        motion = {"name": "motion", **{kind: self.tables[kind] for kind in ("samplers", "channels")}}
+        content = {
             "asset": {"version": "2.0", "generator": "mechsim"},
             "scene": 0,
             "scenes": [{"name": name, "nodes": [0]}],
-            "nodes": self.nodes,
-            "meshes": self.meshes,
-            "materials": self.materials,
-            "animations": [{"name": "motion", "samplers": self.samplers, "channels": self.channels}],
-            "accessors": self.accessors,
-            "bufferViews": self.views,
+            **{kind: self.tables[kind] for kind in ("nodes", "meshes", "materials")},
+            "animations": [motion],
+            **{kind: self.tables[kind] for kind in ("accessors", "bufferViews")},
             "buffers": [{"byteLength": len(self.bytes)}],
         }
-        text = json.dumps(tables, separators=(",", ":"), allow_nan=False).encode()
+        text = json.dumps(content, separators=(",", ":"), allow_nan=False).encode()
         text += b" " * (-len(text) % 4)
         head = np.array([12 + 8 + len(text) + 8 + len(self.bytes), len(text)], dtype="<u4").tobytes()
         length = np.array([len(self.bytes)], dtype="<u4").tobytes()

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.errors import needs
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.label_positions import Placement, Rectangle, placed, shared
 from mechsim.pictures.number_text import prefixed
@@ -63,8 +62,8 @@ def written(
         instant: shown instant as text; empty if the picture shows many.
         stood: label -> its position in the frame before; updated.
     """
-    with needs("pictures"):
-        from PIL import Image
+    from PIL import Image
+
     image = Image.fromarray(picture)
     edge = letters(camera.resolution)
     occupied = _notes(image, camera, notes, instant, edge) if notes else []
@@ -108,8 +107,8 @@ def _notes(image: "Image.Image", camera: Camera, notes: Notes, instant: str, edg
     text = prefixed(length, "m")
     pixels = length * camera.scale
     y = height - pad
-    with needs("pictures"):
-        from PIL import ImageDraw
+    from PIL import ImageDraw
+
     pen = ImageDraw.Draw(image)
     pen.rectangle((pad - 1, y - edge // 4 - 1, pad + pixels + 1, y + 1), fill=HALO)
     pen.rectangle((pad, y - edge // 4, pad + pixels, y), fill=INK)

@@ -224,8 +224,7 @@ def _write_sequence(path: Path, pictures: Iterator[Picture], progress: Callable[
 
 
 def _write_png(path: Path, picture: Picture) -> None:
-    with needs("pictures"):
-        from PIL import Image
+    from PIL import Image
 
     Image.fromarray(picture).save(path, optimize=True)
 

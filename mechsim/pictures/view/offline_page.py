@@ -20,18 +20,8 @@ from mechsim.mechanism.motion_plane import hinged_normals
 from mechsim.mechanism.moved_links import with_rods
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.view.pose_grid import PoseGrid, Readout, View, quaternions
+from mechsim.shapes import body
 from mechsim.shapes import camera as cameras
-from mechsim.shapes.body import (
-    edges,
-    extent,
-    fixed_pivots,
-    followed,
-    free_sides,
-    point_colours,
-    rod_radius,
-    stations,
-    travels,
-)
 from mechsim.shapes.joints import link_shapes
 from mechsim.shapes.shape import Shape
 from mechsim.shapes.springs import spring_ends
@@ -87,10 +77,10 @@ def _data(view: View) -> dict[str, Any]:
     if view.bodies:
         shapes = {link: list(view.bodies.get(link, ())) for link in poses}
     else:
-        travel, sides = travels(mechanism, poses), free_sides(mechanism, poses)
+        travel, sides = body.travels(mechanism, poses), body.free_sides(mechanism, poses)
         shapes = link_shapes(mechanism, travel, sides, view.forces)
-    radius, planar = rod_radius(mechanism), hinged_normals(mechanism) is not None
-    balls, radii = extent((poses[link], shapes[link]) for link in shapes)
+    radius, planar = body.rod_radius(mechanism), hinged_normals(mechanism) is not None
+    balls, radii = body.extent((poses[link], shapes[link]) for link in shapes)
     up = cameras.upright(mechanism, view.up)
     normal = cameras.directions(mechanism, "iso", view.up, view.angles)[0] if planar else up
     floor = float((balls @ normal - radii).min())
@@ -99,8 +89,8 @@ def _data(view: View) -> dict[str, Any]:
         balls, radii = cameras.add_stands(shapes[GROUND], up, floor, radius, (balls, radii))
     path = np.zeros((1, 3))
     if view.bodies or not shapes[GROUND]:
-        path, (balls, radii) = followed(poses, shapes)
-    colours = point_colours(mechanism)
+        path, (balls, radii) = body.followed(poses, shapes)
+    colours = body.point_colours(mechanism)
     return {
         "name": mechanism.name,
         "radius": radius,
@@ -133,10 +123,10 @@ def _data(view: View) -> dict[str, Any]:
 
 def _edges(mechanism: Mechanism) -> dict[str, Any]:
     """Return link -> which of its points are connected in the picture, and how many points it has."""
-    points = {link.name: stations(mechanism, link.name) for link in mechanism.links}
+    points = {link.name: body.stations(mechanism, link.name) for link in mechanism.links}
     index = {id(point): i for own in points.values() for i, point in enumerate(own)}
     return {
-        link: {"count": len(own), "pairs": [(index[id(a)], index[id(b)]) for a, b in edges(own)]}
+        link: {"count": len(own), "pairs": [(index[id(a)], index[id(b)]) for a, b in body.edges(own)]}
         for link, own in points.items()
     }
 
@@ -179,7 +169,7 @@ def _solid(shape: Shape, axes: Array) -> dict[str, Any]:
 
 
 def _joints(mechanism: Mechanism) -> list[dict[str, Any]]:
-    labels = {name: label for name, (label, _) in fixed_pivots(mechanism).items()}
+    labels = {name: label for name, (label, _) in body.fixed_pivots(mechanism).items()}
     return [
         {
             "name": joint.name,

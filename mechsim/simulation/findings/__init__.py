@@ -8,18 +8,13 @@ import numpy as np
 from mechsim.mechanism.finding import Finding
 from mechsim.mechanism.links import VIRTUAL_PREFIX
 from mechsim.mechanism.motion_laws import CRANK, MotionLaws
+from mechsim.simulation.findings import loop_closure
 from mechsim.simulation.findings.actuation import controls_beyond_range, fighting
 from mechsim.simulation.findings.compliance import compliant_loops, refsafe, timestep
 from mechsim.simulation.findings.damping import negative_losses, too_stiff_for_step
 from mechsim.simulation.findings.implausible_numbers import impossible, mistaken_units
 from mechsim.simulation.findings.initial_state import collisions, outside_limits_at_start
 from mechsim.simulation.findings.inspected import Inspected
-from mechsim.simulation.findings.loop_closure import (
-    duplicate_loops,
-    gaps,
-    redundant_constraints,
-    undetermined,
-)
 from mechsim.simulation.findings.rule_table import with_severity
 from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.simulation.mjcf_reader.mjcf_model import MjcfModel
@@ -31,19 +26,19 @@ __all__ = ["findings", "findings_in"]
 CHECKS: tuple[Callable[[Inspected], Iterator[Finding]], ...] = (
     timestep,
     too_stiff_for_step,
-    gaps,
+    loop_closure.gaps,
     mistaken_units,
     impossible,
     negative_losses,
     outside_limits_at_start,
     collisions,
-    duplicate_loops,
+    loop_closure.duplicate_loops,
     fighting,
     controls_beyond_range,
     refsafe,
     compliant_loops,
-    undetermined,
-    redundant_constraints,
+    loop_closure.undetermined,
+    loop_closure.redundant_constraints,
 )
 
 

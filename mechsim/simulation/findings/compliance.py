@@ -159,9 +159,8 @@ def _runge_kutta_step(matrix: GapDynamics, step: float) -> Array:
     return total
 
 
-Amplification = Callable[[GapDynamics, float], Array]
 # integrators that evaluate loop forces explicitly -> amplification matrix
-AMPLIFICATION: dict[int, Amplification] = {
+AMPLIFICATION: dict[int, Callable[[GapDynamics, float], Array]] = {
     int(mujoco.mjtIntegrator.mjINT_EULER): _euler_step,
     int(mujoco.mjtIntegrator.mjINT_IMPLICIT): _euler_step,
     int(mujoco.mjtIntegrator.mjINT_IMPLICITFAST): _euler_step,

@@ -16,6 +16,7 @@ from mechsim.mechanism.motion_plane import plane_normals
 from mechsim.mechanism.moved_links import with_rods
 from mechsim.mechanism.scene import Scene
 from mechsim.numerics.arrays import REVOLUTION
+from mechsim.simulation.mjcf import link_inertias
 from mechsim.simulation.mjcf.equalities import add_equality, add_rod, lock_joint
 from mechsim.simulation.mjcf.joints import (
     CRANK,
@@ -24,12 +25,7 @@ from mechsim.simulation.mjcf.joints import (
     model_names,
     seated_pose,
 )
-from mechsim.simulation.mjcf.link_inertias import (
-    PLACEHOLDER,
-    set_inertia,
-    set_placeholder,
-    with_accepted_inertia,
-)
+from mechsim.simulation.mjcf.link_inertias import PLACEHOLDER
 from mechsim.simulation.mjcf.loop_cuts import Tree, cut_loops
 from mechsim.simulation.state import quaternion
 
@@ -66,7 +62,7 @@ def generate(mechanism: Mechanism, scene: Scene, poses: Mapping[str, Pose] | Non
     rubbing = {friction.joint for friction in forces.friction if friction.dry} if forces else ()
     acting = forces.uncut if forces else ()
     if forces is not None:
-        mechanism = with_accepted_inertia(mechanism)
+        mechanism = link_inertias.with_accepted_inertia(mechanism)
     elif scene.holds("motion"):
         # without masses; MuJoCo steps a link without spin to a higher order than a tendon
         mechanism, poses = with_rods(mechanism, poses or {}, "universal")
@@ -139,9 +135,9 @@ def _add_links(
         )
         inertia = inertias[link]
         if inertia is None:
-            set_placeholder(body, mechanism, link)
+            link_inertias.set_placeholder(body, mechanism, link)
         else:
-            set_inertia(body, inertia)
+            link_inertias.set_inertia(body, inertia)
         add_joint(body, mechanism, branch, local, values)
         bodies[link] = body
         frames[link] = Pose(parent.point(tuple(local.position)), parent.rotation @ local.rotation)

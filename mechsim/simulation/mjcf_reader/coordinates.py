@@ -129,11 +129,11 @@ def tracked(
         return dict(_parsed(text, {**bodies, **sites}, bodies) for text in requested)
     moving = {model.body(b).name for b in range(model.nbody) if carriers[b].link != GROUND}
     moving = {name for name in moving if not name.startswith(VIRTUAL_PREFIX)}
-    for candidates in (sites, bodies):
-        selected = {name: point for name, point in candidates.items() if point[0] in moving}
-        if selected:
-            return selected
-    return {}
+
+    def on_moving(candidates: dict[str, BodyPoint]) -> dict[str, BodyPoint]:
+        return {name: point for name, point in candidates.items() if point[0] in moving}
+
+    return on_moving(sites) or on_moving(bodies)
 
 
 def _parsed(

@@ -18,13 +18,8 @@ from mechsim.mechanism.links import GROUND, vector
 from mechsim.mechanism.load_profile import constant
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.equality_rows import line_of
-from mechsim.simulation.mjcf_reader.coordinates import (
-    ON_JOINT,
-    ON_TENDON,
-    actuated_joints,
-    actuator_names,
-    listed,
-)
+from mechsim.simulation.mjcf_reader import coordinates
+from mechsim.simulation.mjcf_reader.coordinates import ON_TENDON, actuated_joints
 from mechsim.simulation.mjcf_reader.equality_constraints import tendon_weights
 from mechsim.simulation.mjcf_reader.kinematic_tree import Carrier
 from mechsim.simulation.state import BALL, FREE, SCALAR, gravity, is_disabled
@@ -69,7 +64,7 @@ def forces_of_model(
     # actuators that are switched on and can move joints; None for one of another kind
     acting: dict[str, Actuator | None] = {}
     disabled = is_disabled(model, mujoco.mjtDisableBit.mjDSBL_ACTUATION)
-    for i, name in enumerate(() if disabled else actuator_names(model)):
+    for i, name in enumerate(() if disabled else coordinates.actuator_names(model)):
         joints, group = actuated_joints(model, i), int(model.actuator_group[i])
         off = model.opt.disableactuator >> group & 1 if 0 <= group < GROUPS else False
         if not off and not (joints and all(joint in locked for joint in joints)):
@@ -276,7 +271,7 @@ def _left_out(model: mujoco.MjModel, actuators: Sequence[str]) -> list[str]:
     """Return what is omitted besides springs and dampers of tendons; `actuators` are those that are."""
     first, kinds, present = model.jnt_dofadr, model.jnt_type, list[str]()
     rotating, damped = ~np.isin(kinds, SCALAR), np.array([_linear(row) for row in model.dof_damping])[first]
-    targets = model.actuator_trnid[np.isin(model.actuator_trntype, ON_JOINT), 0]
+    targets = model.actuator_trnid[np.isin(model.actuator_trntype, coordinates.ON_JOINT), 0]
     shared = np.bincount(targets, minlength=model.njnt) > 1
     powers = np.array([any(_powers(model, "dof_damping", dof)) for dof in first], bool)
     omitted = {
@@ -291,8 +286,8 @@ def _left_out(model: mujoco.MjModel, actuators: Sequence[str]) -> list[str]:
     }
     for (what, kind), chosen in omitted.items():
         names = [str(getattr(model, kind)(i).name) or f"{i}" for i in np.flatnonzero(chosen)]
-        present += [f"{what} of the {kind}s {listed(names)}"] if names else []
-    present += [f"actuators {listed(actuators)}"] if actuators else []
+        present += [f"{what} of the {kind}s {coordinates.listed(names)}"] if names else []
+    present += [f"actuators {coordinates.listed(actuators)}"] if actuators else []
     return [*present, "fluid"] if model.opt.density or model.opt.viscosity else present
 
 

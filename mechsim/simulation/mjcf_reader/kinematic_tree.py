@@ -1,9 +1,8 @@
-"""Links and joints of a model's kinematic tree, and the inertias of its links.
+"""Links and joints of a model's kinematic tree.
 
 Virtual links, whose names begin with `VIRTUAL_PREFIX`, lie between several joints of one body.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import mujoco
@@ -18,15 +17,12 @@ from mechsim.mechanism.links import (
     IDENTITY,
     ORIGIN,
     VIRTUAL_PREFIX,
-    Inertia,
     Link,
     Pose,
     Vector,
-    combine,
-    rows,
     vector,
 )
-from mechsim.numerics.arrays import ROUNDING, Array
+from mechsim.numerics.arrays import Array
 from mechsim.simulation.state import BALL, FREE, HINGE, SLIDE, rotation_matrix
 
 
@@ -159,35 +155,3 @@ def _displaced(joint: Joint, qpos: Array) -> tuple[Vector, Array]:
         return ORIGIN, rotation_matrix(qpos[:4])
     shift, rotation_ = displaced(kind, (float(qpos[0]),), joint.cross_angle)
     return vector(shift), rotation_
-
-
-def with_inertias(
-    model: mujoco.MjModel, links: Sequence[Link], carriers: Sequence[Carrier], raised: float
-) -> tuple[Link, ...]:
-    """Return links with the inertias of all their bodies.
-
-    Args:
-        model: the compiled model.
-        links: the moving links.
-        carriers: carrier of each body, the world first.
-        raised: mass in [kg] assigned to massless bodies; 0 if there are none.
-    """
-    bodies = {link.name: list[int]() for link in links}
-    for i, carrier in enumerate(carriers):
-        if carrier.link in bodies:
-            bodies[carrier.link].append(i)
-    if not any(model.body_mass[i] > 0.0 for own in bodies.values() for i in own):
-        return tuple(links)
-
-    def inertia(own: Sequence[int]) -> Inertia:
-        """Return the inertia of the bodies on one link, in its frame."""
-        inertias: list[Inertia] = []
-        for i in own if any(model.body_mass[i] > 0.0 for i in own) else ():
-            axes = carriers[i].pose.rotation @ rotation_matrix(model.body_iquat[i])
-            moments = rows(axes @ np.diag(model.body_inertia[i]) @ axes.T)
-            centre = carriers[i].point(model.body_ipos[i])
-            inertias.append(Inertia(float(model.body_mass[i]), centre, moments))
-        whole = combine(inertias)
-        return replace(whole, negligible=not whole.mass > raised * len(own) * (1.0 + ROUNDING))
-
-    return tuple(replace(link, inertia=inertia(bodies[link.name])) for link in links)

@@ -14,17 +14,10 @@ from mechsim.mechanism.finding import Finding
 from mechsim.mechanism.links import GROUND, Vector
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.compiling import compiled, quiet, warnings_of_mujoco
+from mechsim.simulation.mjcf_reader import repairs
 from mechsim.simulation.mjcf_reader.coordinates import did_you_mean, listed
 from mechsim.simulation.mjcf_reader.file_errors import MAX_SHOWN, readable_error, require_numbers
 from mechsim.simulation.mjcf_reader.file_text import UrdfFile, root_of
-from mechsim.simulation.mjcf_reader.repairs import (
-    copy_shapes,
-    has_replaceable_meshes,
-    remove_meshes,
-    remove_textures,
-    with_possible_inertias,
-    without_missing,
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,15 +94,15 @@ def parse_without_meshes(source: MujocoInput) -> ParsedFile:
     """
     path, (spec, unread) = model_label(source), _specification(source)
     _disable_sleep(path, spec)
-    remove_textures(spec)
-    if not has_replaceable_meshes(spec):
+    repairs.remove_textures(spec)
+    if not repairs.has_replaceable_meshes(spec):
         return ParsedFile(spec, None, [], unread)
     without_meshes = spec.copy()
     model, _ = compile_repaired(path, spec)
     if not spec.meshes:  # their files are missing
         return ParsedFile(spec, None, [], unread)
-    geoms = remove_meshes(without_meshes)
-    copy_shapes(without_meshes, model, geoms)
+    geoms = repairs.remove_meshes(without_meshes)
+    repairs.copy_shapes(without_meshes, model, geoms)
     return ParsedFile(without_meshes, model, [], unread)
 
 
@@ -261,7 +254,8 @@ def compile_repaired(
                 unread += _warnings(warned)
             return model, left_out
         except InputError as error:
-            repair = without_missing(spec, str(error)) or with_possible_inertias(spec, str(error))
+            text = str(error)
+            repair = repairs.without_missing(spec, text) or repairs.with_possible_inertias(spec, text)
             if not repair:
                 raise readable_error(path, error) from None
             left_out.append(repair)

@@ -10,52 +10,24 @@ import numpy as np
 from mechsim.errors import InputError
 from mechsim.mechanism.forces import Forces
 from mechsim.mechanism.link_poses import spin_rod
-from mechsim.mechanism.links import GROUND, IDENTITY, Link, Pose, Vector
+from mechsim.mechanism.links import GROUND, IDENTITY, Inertia, Link, Pose, Vector, combine, rows
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.motion import LinkMotion
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import ROUNDING, Array
+from mechsim.simulation import state
 from mechsim.simulation.mjcf.compiling import compiled, quiet
-from mechsim.simulation.mjcf_reader.coordinates import (
-    actuated_joints,
-    actuator_names,
-    driven,
-    listed,
-    require_coordinate,
-    tracked,
-)
+from mechsim.simulation.mjcf_reader import coordinates, parsed_file
+from mechsim.simulation.mjcf_reader.coordinates import actuated_joints, actuator_names
 from mechsim.simulation.mjcf_reader.equality_constraints import equalities
 from mechsim.simulation.mjcf_reader.file_errors import readable_error, require_numbers
 from mechsim.simulation.mjcf_reader.fixed_bodies import COORDINATES, fix_bodies, free_joints
 from mechsim.simulation.mjcf_reader.forces import forces_of_model
-from mechsim.simulation.mjcf_reader.kinematic_tree import (
-    KinematicTree,
-    kinematic_tree,
-    link_name,
-    poses,
-    with_inertias,
-)
+from mechsim.simulation.mjcf_reader.kinematic_tree import KinematicTree, kinematic_tree, link_name, poses
 from mechsim.simulation.mjcf_reader.mjcf_model import MjcfModel
-from mechsim.simulation.mjcf_reader.parsed_file import (
-    MujocoInput,
-    compile_repaired,
-    initial_qpos,
-    model_label,
-    name_elements,
-    parse_file,
-    parse_without_meshes,
-)
+from mechsim.simulation.mjcf_reader.parsed_file import MujocoInput, compile_repaired, model_label
 from mechsim.simulation.mjcf_reader.pose_chains import with_pose_chains
 from mechsim.simulation.mjcf_reader.repairs import minimum_mass
-from mechsim.simulation.state import (
-    BALL,
-    FREE,
-    SCALAR,
-    SLIDE,
-    limited_joints,
-    quaternion,
-    rotation_matrix,
-    scalar_joints,
-)
+from mechsim.simulation.state import BALL, FREE, SCALAR, SLIDE, quaternion, rotation_matrix, scalar_joints
 
 
 def with_outlines(model: mujoco.MjModel, chain: KinematicTree) -> tuple[Link, ...]:
@@ -77,6 +49,36 @@ def with_outlines(model: mujoco.MjModel, chain: KinematicTree) -> tuple[Link, ..
                 ]
             outlines[carrier.link] += [carrier.point(point) for point in points]
     return tuple(Link(link.name, tuple(outlines[link.name])) for link in chain.links)
+
+
+def with_inertias(model: mujoco.MjModel, chain: KinematicTree, raised: float) -> tuple[Link, ...]:
+    """Return the moving links with their outlines and the inertias of all their bodies.
+
+    Args:
+        model: the compiled model.
+        chain: its links and joints.
+        raised: mass in [kg] assigned to massless bodies; 0 if there are none.
+    """
+    links, carriers = with_outlines(model, chain), chain.carriers
+    bodies = {link.name: list[int]() for link in links}
+    for i, carrier in enumerate(carriers):
+        if carrier.link in bodies:
+            bodies[carrier.link].append(i)
+    if not any(model.body_mass[i] > 0.0 for own in bodies.values() for i in own):
+        return links
+
+    def inertia(own: Sequence[int]) -> Inertia:
+        """Return the inertia of the bodies on one link, in its frame."""
+        inertias: list[Inertia] = []
+        for i in own if any(model.body_mass[i] > 0.0 for i in own) else ():
+            axes = carriers[i].pose.rotation @ rotation_matrix(model.body_iquat[i])
+            moments = rows(axes @ np.diag(model.body_inertia[i]) @ axes.T)
+            centre = carriers[i].point(model.body_ipos[i])
+            inertias.append(Inertia(float(model.body_mass[i]), centre, moments))
+        whole = combine(inertias)
+        return replace(whole, negligible=not whole.mass > raised * len(own) * (1.0 + ROUNDING))
+
+    return tuple(replace(link, inertia=inertia(bodies[link.name])) for link in links)
 
 
 # kind of element, its range, and the attribute that activates the range
@@ -122,14 +124,15 @@ def read_model(
         InputError: if a file, joint, keyframe or point cannot be read, with its name.
     """
     path = model_label(source)
-    spec, parsed_model, remarks, unread = parse_without_meshes(source) if lint else parse_file(source)
+    parse = parsed_file.parse_without_meshes if lint else parsed_file.parse_file
+    spec, parsed_model, remarks, unread = parse(source)
     try:
-        name_elements(spec)
+        parsed_file.name_elements(spec)
     except ValueError as error:  # MuJoCo reports a repeated name in a URDF file only here
         raise readable_error(path, error) from None
     model, _ = compile_repaired(path, spec, unread if lint else None)
     remarks += _limits_left_out(spec)
-    start = model.key_qpos[0].copy() if lint and model.nkey else initial_qpos(path, model, key)
+    start = model.key_qpos[0].copy() if lint and model.nkey else parsed_file.initial_qpos(path, model, key)
     keyframes = tuple(key_.name for key_ in spec.keys if key_.name)
     for key_ in list(spec.keys):  # keyframes do not fit a model with added elements
         spec.delete(key_)
@@ -152,15 +155,14 @@ def read_model(
     require_numbers(path, spec, model, start)
     tree = kinematic_tree(model)
     loops = equalities(model, tree.carriers, skip_others=lint)
-    points = tracked(model, tree.carriers, track)
+    points = coordinates.tracked(model, tree.carriers, track)
     locked = _locked(model, start, locks)
-    names = driven(model, drivers, list(locked), describe_only or lint)
+    names = coordinates.driven(model, drivers, list(locked), describe_only or lint)
     carrier_of = {model.body(b).name: carrier for b, carrier in enumerate(tree.carriers)}
     values = {name: float(start[model.jnt_qposadr[j]]) for name, j in scalar_joints(model).items()}
-    outlined = with_outlines(model, tree)
     mechanism = Mechanism(
         name=spec.modelname or "model",
-        links=with_inertias(model, outlined, tree.carriers, minimum_mass(remarks)),
+        links=with_inertias(model, tree, minimum_mass(remarks)),
         joints=(*tree.joints, *loops.joints),
         driver=names[0] if len(names) == 1 else names,
         points={
@@ -196,7 +198,7 @@ def read_model(
         gap=max((float(np.linalg.norm(offset)) for offset in offsets), default=0.0),
         limits={
             model.joint(j).name: (float(model.jnt_range[j, 0]), float(model.jnt_range[j, 1]))
-            for j in limited_joints(model).tolist()
+            for j in state.limited_joints(model).tolist()
         },
         actuators={name: actuated_joints(model, a) for a, name in enumerate(actuator_names(model))},
         remarks=(*remarks, *loops.remarks),
@@ -213,7 +215,7 @@ def _locked(model: mujoco.MjModel, start: Array, lock: Mapping[str, LockedAt]) -
     """Return the values of locked joints, in [m] or [rad]; by default those of the initial state."""
     locked: dict[str, float] = {}
     for name, value in lock.items():
-        require_coordinate(model, name, "--lock")
+        coordinates.require_coordinate(model, name, "--lock")
         if callable(value):
             value = value("m" if int(model.joint(name).type[0]) == SLIDE else "rad")
         own = start[model.jnt_qposadr[model.joint(name).id]]
@@ -240,7 +242,7 @@ def _fixed_remarks(model: mujoco.MjModel, fixed: Sequence[int]) -> list[str]:
     free = [model.body(model.jnt_bodyid[j]).name for j in fixed if int(model.jnt_type[j]) == FREE]
     balls = [model.joint(j).name for j in fixed if int(model.jnt_type[j]) == BALL]
     groups, start = (("a free joint", free), ("the ball", balls)), "held where the model starts, without"
-    return [f"{start} {what}: {listed(names)}" for what, names in groups if names]
+    return [f"{start} {what}: {coordinates.listed(names)}" for what, names in groups if names]
 
 
 def _with_locked_spins(

@@ -14,20 +14,10 @@ import mujoco
 import numpy as np
 
 from mechsim.mechanism.finding import Finding
+from mechsim.simulation.mjcf_reader import urdf_tree
 from mechsim.simulation.mjcf_reader.file_text import UrdfFile
 from mechsim.simulation.mjcf_reader.urdf_sidecar import JointChanges, read_sidecar
-from mechsim.simulation.mjcf_reader.urdf_tree import (
-    KINDS,
-    ROOT,
-    Element,
-    Frame,
-    Kind,
-    LoopClosure,
-    UrdfTree,
-    child_of,
-    read_urdf,
-    rotation_of,
-)
+from mechsim.simulation.mjcf_reader.urdf_tree import Frame, LoopClosure, UrdfTree, child_of
 from mechsim.simulation.mjcf_reader.urdf_unread import unread_elements
 
 # distance in [m] between the two points of a hinge closure along its axis
@@ -40,7 +30,7 @@ def urdf_specification(file: UrdfFile) -> tuple[mujoco.MjSpec, list[Finding]]:
     Raises:
         InputError: if the file or a loop joint cannot be read, with file, joint and remedy.
     """
-    tree = read_urdf(file.path)
+    tree = urdf_tree.read_urdf(file.path)
     unread = list(unread_elements(tree))
     closures = [closure for reader in DIALECTS for closure in reader(tree)]
     changes = JointChanges()
@@ -153,7 +143,7 @@ def _drake_bushings(tree: UrdfTree) -> Iterator[LoopClosure]:
         ]
         stiffness = child_of(bushing, "drake_bushing_torque_stiffness").get("value", "")
         stiff = tree.numbers_of(name, stiffness) > 0.0
-        kinds: dict[int, Kind] = {0: "point", 2: "hinge", 3: "weld"}
+        kinds: dict[int, urdf_tree.Kind] = {0: "point", 2: "hinge", 3: "weld"}
         kind = kinds.get(int(stiff.sum()))
         if kind is None:
             raise tree.error(
@@ -174,7 +164,7 @@ def _gazebo(tree: UrdfTree) -> Iterator[LoopClosure]:
         relative = joint.find("pose")
         base = relative.get("relative_to") if relative is not None else None
         b = Frame(child if base in (None, "") else tree.require_link(str(base), name))
-        b = b.then(numbers[:3], rotation_of(numbers[3:]))
+        b = b.then(numbers[:3], urdf_tree.rotation_of(numbers[3:]))
         placed = tree.in_root(b)
         frames = [tree.fixed_to(link, placed) for link in (parent, child)]
         axis = joint.findtext("axis/xyz")
@@ -188,7 +178,7 @@ def _closing_links(tree: UrdfTree) -> Iterator[LoopClosure]:
         name, end, rest = link.rpartition("_1")
         if not (name.startswith("closing_") and end and not rest):
             continue
-        kind: Kind = "hinge" if f"{link}_z" in links else "point"
+        kind: urdf_tree.Kind = "hinge" if f"{link}_z" in links else "point"
         yield LoopClosure(name, kind, Frame(link), Frame(tree.require_link(f"{name}_2", name)))
 
 
@@ -203,9 +193,11 @@ DIALECTS: tuple[Callable[[UrdfTree], Iterator[LoopClosure]], ...] = (
 )
 
 
-def _closure(tree: UrdfTree, element: Element, a: Frame, b: Frame, axis: str | None = None) -> LoopClosure:
+def _closure(
+    tree: UrdfTree, element: urdf_tree.Element, a: Frame, b: Frame, axis: str | None = None
+) -> LoopClosure:
     name, kind = element.get("name", ""), element.get("type", "")
-    if kind not in KINDS:
+    if kind not in urdf_tree.KINDS:
         accepted = "revolute, continuous, spherical, ball or fixed"
         raise tree.error(f"loop joint {name!r} is of type {kind!r}; a loop is closed by {accepted}")
     own = element.find("axis")
@@ -213,9 +205,9 @@ def _closure(tree: UrdfTree, element: Element, a: Frame, b: Frame, axis: str | N
     default = "1 0 0" if element.tag == "joint" and axis is None else "0 0 1"
     direction = tree.numbers_of(name, text or default)
     length = float(np.linalg.norm(direction))
-    if KINDS[kind] == "hinge" and not length > 0.0:
+    if urdf_tree.KINDS[kind] == "hinge" and not length > 0.0:
         raise tree.error(f"the axis of loop joint {name!r} has length 0; give a direction")
-    return LoopClosure(name, KINDS[kind], a, b, direction / (length or 1.0))
+    return LoopClosure(name, urdf_tree.KINDS[kind], a, b, direction / (length or 1.0))
 
 
 def _close(spec: mujoco.MjSpec, tree: UrdfTree, closure: LoopClosure) -> None:
@@ -229,7 +221,7 @@ def _close(spec: mujoco.MjSpec, tree: UrdfTree, closure: LoopClosure) -> None:
         sites: list[str] = []
         for side, frame in (("a", closure.a), ("b", closure.b)):
             placed = tree.moving(frame)
-            body = spec.worldbody if placed.link == ROOT else spec.body(placed.link)
+            body = spec.worldbody if placed.link == urdf_tree.ROOT else spec.body(placed.link)
             quaternion = np.zeros(4)
             mujoco.mju_mat2Quat(quaternion, placed.rotation.ravel())
             position = placed.position + placed.rotation @ offset

@@ -10,11 +10,9 @@ from mechsim.mechanism.finding import Finding
 from mechsim.studies.agreement import dimension_hypotheses, driver_hypotheses, value_hypotheses
 from mechsim.studies.agreement.misfit import Fitted, Hypothesis, Misfit, fitted
 
-HypothesisFamily = Callable[[Misfit], Iterator[Hypothesis]]
-
 # a later stage is tried only if no earlier stage explains the whole difference: first hypotheses without a
 # size, then those with one, then positions without a name, last those with several sizes
-STAGES: tuple[tuple[HypothesisFamily, ...], ...] = (
+STAGES: tuple[tuple[Callable[[Misfit], Iterator[Hypothesis]], ...], ...] = (
     (
         value_hypotheses.units,
         value_hypotheses.swapped,

@@ -23,10 +23,8 @@ MAX_DISPLACEMENT = 2.5
 # standard gravity in [m/s2], used if the model has none
 STANDARD_GRAVITY = 9.81
 
-LawChange = Callable[[State], State]
 
-
-def _under_other_laws(misfit: Misfit, changes: Mapping[str, LawChange]) -> Values:
+def _under_other_laws(misfit: Misfit, changes: Mapping[str, Callable[[State], State]]) -> Values:
     """Return predicted values under other motion laws: driver -> change of its law.
 
     Raises:

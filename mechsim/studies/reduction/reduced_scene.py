@@ -141,13 +141,8 @@ def normalised(spec: mujoco.MjSpec) -> mujoco.MjSpec:
     for key in list(full.keys):  # keyframes do not fit a scene without all joints
         full.delete(key)
     name_elements(full)
-    for elements, what in (
-        (full.geoms, "geom"),
-        (full.sites, "site"),
-        (full.actuators, "actuator"),
-        (full.tendons, "tendon"),
-        (full.sensors, "sensor"),
-    ):
+    for what in ("geom", "site", "actuator", "tendon", "sensor"):
+        elements = getattr(full, f"{what}s")
         name_unnamed(elements, [f"{what}{number}" for number in range(1, len(elements) + 1)])
     _close_between_sites(full)
     return full

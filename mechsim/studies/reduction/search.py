@@ -322,6 +322,5 @@ def reduce(
         result = reduce_scene(scene, spec_of(scene), limit, keep=keep, by=cast(By, by), progress=progress)
         text = with_comment(result, Path(path).name, limit, UNITS[by])
     if output is not None:
-        with files.atomic_path(Path(fspath(output))) as unfinished:
-            unfinished.write_text(text, encoding="utf-8")
+        files.write_content(Path(fspath(output)), text)
     return ReducedModel(result, limit, text, notes)

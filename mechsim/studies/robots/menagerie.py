@@ -35,14 +35,12 @@ def with_servos(
         InputError: if the mechanism has no drivers.
     """
     spec = spec.copy()
-    for key in list(spec.keys):
-        spec.delete(key)
-    if not mechanism.drivers:
-        raise InputError(f"{mechanism.name} has no driver for an actuator; name one by --drive")
     names = list(mechanism.drivers)
+    if not names:
+        raise InputError(f"{mechanism.name} has no driver for an actuator; name one by --drive")
     # a servo takes the place of the file's own actuator of a driver
-    for actuator in [item for item in spec.actuators if item.target in (CRANK, *names)]:
-        spec.delete(actuator)
+    for element in [*spec.keys, *(item for item in spec.actuators if item.target in (CRANK, *names))]:
+        spec.delete(element)
     if mechanism.has_crank:
         # a servo needs no virtual drive inertia
         spec.joint(CRANK).armature = forces.flywheel

@@ -177,11 +177,8 @@ def _coupled(table: JointMap, output: int, degree: int, start: Array) -> Coupled
 def _tree_mjcf(spec: mujoco.MjSpec, names: Sequence[str], coupled: Sequence[Coupled]) -> str:
     """Return the model without its loops, each passive joint coupled by an equality of joints or tendons."""
     tree = spec.copy()
-    for equality in list(tree.equalities):
-        if equality.type in LOOPS:
-            tree.delete(equality)
-    for key in list(tree.keys):
-        tree.delete(key)
+    for element in [*(equality for equality in tree.equalities if equality.type in LOOPS), *tree.keys]:
+        tree.delete(element)
     for joint in coupled:
         equality = tree.add_equality(name=f"{joint.joint} coupling")
         equality.data[: len(joint.coefficients)] = joint.coefficients

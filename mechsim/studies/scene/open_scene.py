@@ -53,7 +53,6 @@ def open_scene(
     path: str,
     *,
     ctrl: Mapping[str, str | float] | None = None,
-    lock: Mapping[str, str | float | None] | Iterable[str] = (),
     track: Iterable[str] = (),
     key: str | None = None,
     duration: str | float | None = None,
@@ -64,11 +63,10 @@ def open_scene(
     Args:
         path: path of the file.
         ctrl: actuator -> its control as text, such as "255*(0.5-0.5*cos(2*pi*t))", "FILE.csv" or a number.
-        lock: as for `mechsim.load`.
         track: recorded points, as for `mechsim.load`.
         key: initial keyframe.
         duration: in [s] or as text; by default that of the motion laws.
-        options: `drive` and other arguments of `mechsim.load`.
+        options: `drive`, `lock` and other arguments of `mechsim.load`.
 
     Raises:
         InputError: for a joint, actuator, keyframe or point that is missing.
@@ -77,15 +75,8 @@ def open_scene(
     seconds = si(duration, "s", "the duration")
     # without motion laws of joints the duration is that of the controls
     driven = bool(options.get("drive"))
-    solver = load(
-        path,
-        lock=lock,
-        track=track,
-        key=key,
-        duration=seconds if driven else None,
-        still=not driven,
-        **options,
-    )
+    own = seconds if driven else None
+    solver = load(path, track=track, key=key, duration=own, still=not driven, **options)
     mechanism = solver.mechanism
     if not mechanism.drivers:
         # actuators between sites: closure is measured at independent joints

@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.files import atomic_path, attributes
+from mechsim.files import attributes, write_content
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.motion_laws import constant
 from mechsim.numerics.resources import Progress, no_progress
@@ -23,27 +23,11 @@ from mechsim.simulation.mjcf.compiling import plainly_compiled
 from mechsim.simulation.mjcf.joints import CRANK
 from mechsim.simulation.plain_settings import ALLOWABLE
 from mechsim.simulation.source import from_mechanism
-from mechsim.studies.scene.errors import (
-    MEASURES,
-    By,
-    SceneEvaluator,
-    SceneTrial,
-    divergence_reason,
-    start_error,
-    tolerance_in_si,
-)
+from mechsim.studies.scene import errors, write_tuned
 from mechsim.studies.scene.open_scene import open_scene, python_laws, scene_file
 from mechsim.studies.scene.run import run_scene
 from mechsim.studies.scene.scene import UserScene, with_assembled_start
 from mechsim.studies.scene.tune import AIMED_FRACTION, SECONDS, Tuned, tuned
-from mechsim.studies.scene.write_tuned import (
-    KEY,
-    control_lines,
-    python_of,
-    setting_changes,
-    tuned_text,
-    write_scene,
-)
 from mechsim.units import si
 
 MOTOR, RUN_KEY = "motor", "turning"
@@ -169,7 +153,7 @@ def tune(
         >>> tuned = ms.tune("gripper.xml", "10um", ctrl={"fingers": 120}, output="tuned.xml")
         >>> tuned.reached, tuned.report.error
     """
-    limit = tolerance_in_si(tolerance, by, MEASURES)
+    limit = errors.tolerance_in_si(tolerance, by, errors.MEASURES)
     if unknown := [kind for kind in allow if kind not in ALLOWABLE]:
         raise InputError(f"--allow names {unknown[0]!r}; choose from {', '.join(ALLOWABLE)}")
     with scene_file(model) as path, TemporaryDirectory(prefix="mechsim-") as folder:
@@ -182,12 +166,12 @@ def tune(
             scene = with_assembled_start(scene)
             notes += (
                 f"{scene.path}: its loops are open by {error:.2g} m at the initial pose; the tuned file "
-                f"starts assembled, in keyframe {KEY}",
+                f"starts assembled, in keyframe {write_tuned.KEY}",
             )
         seconds = si(budget, "s", "the budget")
-        result = tuned(scene, limit, cast(By, by), budget=seconds, progress=progress)
+        result = tuned(scene, limit, cast(errors.By, by), budget=seconds, progress=progress)
         if not np.isfinite(result.closest.errors.by(result.by)):
-            cause = divergence_reason(run_scene(scene)) or "no closed pose is near its states"
+            cause = errors.divergence_reason(run_scene(scene)) or "no closed pose is near its states"
             raise InputError(
                 f"{scene.path}: the scene diverges with all of {len(result.tried)} settings: {cause}; "
                 "change the motion or the scene"
@@ -197,9 +181,10 @@ def tune(
 
 def _start_gap(scene: UserScene, tolerance: float) -> float:
     """Return the error of the initial pose in [m]; zero if the scene satisfies a tolerance from there."""
-    error = start_error(scene)
+    error = errors.start_error(scene)
     if error <= AIMED_FRACTION * tolerance or (
-        error <= tolerance and SceneEvaluator().errors(run_scene(scene, records=None)).closure <= tolerance
+        error <= tolerance
+        and errors.SceneEvaluator().errors(run_scene(scene, records=None)).closure <= tolerance
     ):
         return 0.0
     return error
@@ -210,19 +195,18 @@ def _written(result: Tuned, path: Path, script: Path | None, notes: tuple[str, .
     best = result.best
     scene = replace(result.scene, model=best.settings.applied(result.scene.model))
     laws = python_laws(scene)
-    draft = tuned_text(result.scene, best.settings, [], path.parent)
+    draft = write_tuned.tuned_text(result.scene, best.settings, [], path.parent)
     reports: list[Tuned] = []
 
     def finish(read_back: UserScene) -> str:
         run = run_scene(read_back, records=None)
         reports.append(replace(result, errors=result.reference.evaluator(result.by).errors(run)))
         comment = _comment(reports[0], scene, laws)
-        return tuned_text(result.scene, best.settings, comment, path.parent).after
+        return write_tuned.tuned_text(result.scene, best.settings, comment, path.parent).after
 
-    read_back = write_scene(result.scene, best.settings, draft.after, path, finish)
+    read_back = write_tuned.write_scene(result.scene, best.settings, draft.after, path, finish)
     if script is not None:
-        with atomic_path(script) as unfinished:
-            unfinished.write_text(python_of(read_back, path, laws), encoding="utf-8")
+        write_content(script, write_tuned.python_of(read_back, path, laws))
     after = path.read_text(encoding="utf-8")
     lines = difflib.unified_diff(
         draft.before.splitlines(), after.splitlines(), result.scene.path, str(path), lineterm="", n=0
@@ -230,11 +214,11 @@ def _written(result: Tuned, path: Path, script: Path | None, notes: tuple[str, .
     return TunedModel(reports[0], after, "\n".join(lines), draft.included, notes)
 
 
-def _as_dict(result: Tuned, trial: SceneTrial) -> dict[str, Any]:
+def _as_dict(result: Tuned, trial: errors.SceneTrial) -> dict[str, Any]:
     return {
         "error": trial.errors.by(result.by),
         "ms_per_s": 1e3 * trial.seconds,
-        "settings": dict(setting_changes(result.scene, trial.settings)),
+        "settings": dict(write_tuned.setting_changes(result.scene, trial.settings)),
         "errors": trial.errors,
     }
 
@@ -243,12 +227,12 @@ def _comment(result: Tuned, scene: UserScene, laws: dict[str, str]) -> list[str]
     """Return the comment of the file: the satisfied tolerance, and how to step the model."""
     start = "from mj_resetData"
     if scene.own_start or scene.key:
-        start = f"from keyframe {KEY if scene.own_start else scene.key}"
+        start = f"from keyframe {write_tuned.KEY if scene.own_start else scene.key}"
     first, *rest = result.sentences
     return [
         f"mechsim tune: {first};",
         *(f"{sentence};" for sentence in rest),
         f"step it {start}, and set before each step, with t = data.time, h = {scene.model.opt.timestep:g}:",
-        *([f"  {line}" for line in control_lines(scene, laws)] or ["  nothing"]),
+        *([f"  {line}" for line in write_tuned.control_lines(scene, laws)] or ["  nothing"]),
         *(f"  where q({name!r}, t) = {laws[name]}" for name in scene.joint_laws),
     ]

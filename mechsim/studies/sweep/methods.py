@@ -6,14 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.errors import MechsimError, MobilityError, cut
-from mechsim.kinematics.formulas.many_designs import (
-    allowed,
-    crank_ranges,
-    formula_of_many,
-    solved,
-    swing_arcs,
-    transmissions,
-)
+from mechsim.kinematics.formulas import many_designs
 from mechsim.kinematics.formulas.two_branch import TwoBranchForm
 from mechsim.kinematics.loops.crank_swings import crank_swings
 from mechsim.kinematics.loops.design_motion import many_motion
@@ -26,16 +19,8 @@ from mechsim.mechanism.motion_laws import interval_around, no_crank_range_error
 from mechsim.mechanism.quantity import TRANSMISSION
 from mechsim.numerics.arrays import REVOLUTION, ROUNDING, Array
 from mechsim.studies.sweep.measures import MeasureError, NoValueError, Turns
-from mechsim.studies.sweep.task import (
-    CrankRows,
-    Measured,
-    SweepTask,
-    assembled_designs,
-    nothing_measured,
-    swings_between,
-)
+from mechsim.studies.sweep.task import CrankRows, Measured, Rows, SweepTask, swings_between
 
-Rows = NDArray[np.intp]
 # lower and upper dead centre of a crank that swings, in [rad]
 Arc = tuple[float, float]
 # poses solved at once: their arrays fit into a core's cache
@@ -47,7 +32,7 @@ MAX_REASON = 240
 def measured_designs(task: SweepTask, low: int, high: int) -> Measured:
     """Return the measures of designs low to high; designs that fail are reported by their outcome."""
     rows = task.designs.rows(low, high)
-    result = nothing_measured(task, high - low)
+    result = task.unmeasured(high - low)
     remaining, arcs = np.arange(high - low), dict[int, Arc]()
     if formula := by_one_formula(task):
         remaining = _formula(task, formula, rows, result)
@@ -61,17 +46,17 @@ def by_one_formula(task: SweepTask) -> TwoBranchForm | None:
     """Return the formulas that measure designs as arrays; None if they are measured otherwise."""
     if task.single_only or task.subject.closed is None:
         return None
-    return formula_of_many(task.subject.closed, task.designs.values)
+    return many_designs.formula_of_many(task.subject.closed, task.designs.values)
 
 
 def _formula(task: SweepTask, formula: TwoBranchForm, rows: Mapping[str, Array], result: Measured) -> Rows:
     """Measure designs by one formula, over a turn or the reachable range; return those that it cannot."""
     every = np.arange(len(result.outcome))
-    valid = np.flatnonzero(allowed(formula, rows))
+    valid = np.flatnonzero(many_designs.allowed(formula, rows))
     if not len(valid):
         return every
-    ranges = crank_ranges(formula, _subset(rows, valid))
-    low, high = swing_arcs(ranges)
+    ranges = many_designs.crank_ranges(formula, _subset(rows, valid))
+    low, high = many_designs.swing_arcs(ranges)
     swinging = np.flatnonzero(~ranges.uncertain & ~ranges.full & np.isfinite(low))
     turning = np.flatnonzero(~ranges.uncertain & ranges.full)
     stored: list[Rows] = []
@@ -81,7 +66,7 @@ def _formula(task: SweepTask, formula: TwoBranchForm, rows: Mapping[str, Array],
             block = group[first : first + step]
             designs, ends = valid[block], (low[block], high[block]) if group is swinging else None
             with np.errstate(all="ignore"):
-                motion = solved(
+                motion = many_designs.solved(
                     formula,
                     _subset(rows, designs),
                     *(task.within(*ends) if ends else task.revolution),
@@ -100,7 +85,9 @@ def _turns(task: SweepTask, rows: Mapping[str, Array], motion: Motion) -> Turns:
     poses, more = len(motion.angle) // designs, dict[str, Array]()
     if task.measures.includes(TRANSMISSION):
         assert task.subject.closed is not None
-        more[TRANSMISSION] = transmissions(task.subject.closed, rows, motion).reshape(designs, poses)
+        more[TRANSMISSION] = many_designs.transmissions(task.subject.closed, rows, motion).reshape(
+            designs, poses
+        )
     return Turns(designs, poses, motion, more)
 
 
@@ -112,7 +99,7 @@ def _loops(task: SweepTask, rows: Mapping[str, Array], result: Measured) -> tupl
     closed = task.subject.closed is not None
     angles = np.append(task.angles, REVOLUTION) if closed else task.angles
     try:
-        assembled = assembled_designs(task, rows)
+        assembled = task.assembled(rows)
         if assembled is None:
             return every, {}
         started, index = assembled

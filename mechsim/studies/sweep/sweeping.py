@@ -17,24 +17,11 @@ from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.quantity import TRANSMISSION
 from mechsim.numerics.resources import Progress, no_progress, require_memory
 from mechsim.simulation.mjcf.compiling import quiet
-from mechsim.studies.sweep.designs import (
-    declared_units,
-    grid_designs,
-    listed_designs,
-    parameter_units,
-    read_designs,
-    sampled_designs,
-)
+from mechsim.studies.sweep import designs
 from mechsim.studies.sweep.measures import measures
 from mechsim.studies.sweep.methods import by_one_formula, measured_designs
 from mechsim.studies.sweep.table import dataset, require_libraries, suffix_of, write_sweep
-from mechsim.studies.sweep.task import (
-    BUILT,
-    SweepTask,
-    SweptSubject,
-    nothing_measured,
-    swept_subject,
-)
+from mechsim.studies.sweep.task import BUILT, SweepTask, SweptSubject, swept_subject
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -108,7 +95,7 @@ def swept_designs(
     subject = model if isinstance(model, SweptSubject) else swept_subject(model, set, **options)
     if subject.unitless:
         return subject, dict.fromkeys(subject.design_family.dimensions, "")
-    return subject, parameter_units(subject.design_family, subject.solver)
+    return subject, designs.parameter_units(subject.design_family, subject.solver)
 
 
 def swept_task(
@@ -133,20 +120,21 @@ def swept_task(
     if design is not None and (vary or sample is not None):
         raise InputError("both designs and ranges are given; give only one")
     if isinstance(design, str):
-        designs = read_designs(design, name, parameters, declared_units(subject.design_family))
+        declared = designs.declared_units(subject.design_family)
+        swept = designs.read_designs(design, name, parameters, declared)
     elif design is not None:
-        designs = listed_designs(design, name, parameters, "list of designs")
+        swept = designs.listed_designs(design, name, parameters, "list of designs")
     elif sample is None:
-        designs = grid_designs(vary, name, parameters)
+        swept = designs.grid_designs(vary, name, parameters)
     else:
-        designs = sampled_designs(sample, vary, name, parameters)
+        swept = designs.sampled_designs(sample, vary, name, parameters)
     rate = float(units.si(speed, "rad/s", "the speed"))
     measures_read = measures(texts, solver.mechanism, solver.motion_laws)
     if measures_read.includes(TRANSMISSION):
         # reject a mechanism whose designs have none
         solver.required_transmission_angle([solver.mechanism.start])
     solver.motion_laws.require_drivers(solver.mechanism)
-    return SweepTask(subject, designs, measures_read, int(samples), rate)
+    return SweepTask(subject, swept, measures_read, int(samples), rate)
 
 
 # designs in a chunk: by one formula, by loop equations together, and one at a time
@@ -170,7 +158,7 @@ def run_sweep(
     usual = BY_FORMULA if by_one_formula(task) else SINGLE if task.loops is None else BY_LOOPS
     length = max(usual, -(-count // MAX_CHUNKS))
     chunks = [(low, min(low + length, count)) for low in range(0, count, length)]
-    table = nothing_measured(task, count)
+    table = task.unmeasured(count)
     pool = ThreadPoolExecutor(os.cpu_count())
     try:
         # before threads start: each thread would restore the state that it finds

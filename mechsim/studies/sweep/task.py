@@ -42,6 +42,7 @@ PASSED = 0
 END_DISTANCE = 1e-10
 
 
+Rows = NDArray[np.intp]
 # crank angles (..., poses) in [rad], speeds in [rad/s] and accelerations in [rad/s2] of designs
 CrankRows = tuple[Array, Array, Array]
 
@@ -173,6 +174,42 @@ class SweepTask:
         """Return all measures of designs from their motions: name -> (designs,)."""
         return table_of(self.measures, turns, self.angle_index)
 
+    def unmeasured(self, count: int) -> "Measured":
+        """Return an empty table of designs."""
+        values = {measure.name: np.full(count, np.nan) for measure in self.measures}
+        outcome = np.full(count, OUTCOMES.index("diverged"), dtype=np.int8)
+        return Measured(values, outcome, np.full(count, "", dtype=object))
+
+    def assembled(self, rows: Mapping[str, Array]) -> tuple[StartedDesigns, Rows] | None:
+        """Return the designs that can be made and have equal topology, with their initial poses and indices.
+
+        Args:
+            rows: parameter -> its value in each design.
+
+        Returns:
+            None if there are none.
+        """
+        formula = self.subject.closed
+        if formula is not None and can_be_started(formula, rows):
+            valid = np.flatnonzero(allowed(formula, rows))
+            while len(valid):
+                started = closed_form_starts(formula, {name: values[valid] for name, values in rows.items()})
+                finite = [np.isfinite(pose.rotation).all((1, 2)) for pose in started.guess.values()]
+                assembled = np.all(finite, axis=0)
+                if assembled.all():
+                    return started, valid
+                valid = valid[assembled]
+            return None
+        designs, mechanisms = self.subject.design_family, list[Mechanism | None]()
+        for i in range(len(next(iter(rows.values())))):
+            mechanisms.append(None)
+            with suppress(MechsimError, ArithmeticError, ValueError):
+                own = {name: float(values[i]) for name, values in rows.items()}
+                # an unassembled one is made faster; formulas have the guess
+                mechanisms[i] = designs.describe(own) if formula is None else designs.make(own).mechanism
+        similar, which = similar_designs(self.subject.solver.mechanism, mechanisms)
+        return None if similar is None else (similar, which)
+
 
 @dataclass
 class Measured:
@@ -188,7 +225,7 @@ class Measured:
     outcome: NDArray[np.int8]
     reason: NDArray[np.object_]
 
-    def store(self, rows: NDArray[np.intp], result: Mapping[str, Array]) -> None:
+    def store(self, rows: Rows, result: Mapping[str, Array]) -> None:
         """Store measures of some of the designs."""
         for name, values in result.items():
             self.values[name][rows] = values
@@ -197,11 +234,11 @@ class Measured:
 
     def store_finite(
         self,
-        rows: NDArray[np.intp],
+        rows: Rows,
         result: Mapping[str, Array],
         valid: NDArray[np.bool_] | Literal[True] = True,
         swings: tuple[Array, Array] | None = None,
-    ) -> NDArray[np.intp]:
+    ) -> Rows:
         """Store the measures of the designs with finite values only; return these designs.
 
         Args:
@@ -219,7 +256,7 @@ class Measured:
             self.reason[stored] = [swings_between(*ends) for ends in zip(low, high, strict=True)]
         return stored
 
-    def reject(self, rows: NDArray[np.intp], outcome: str, reason: str) -> None:
+    def reject(self, rows: Rows, outcome: str, reason: str) -> None:
         """Store outcome and reason of some designs."""
         self.outcome[rows] = OUTCOMES.index(outcome)
         self.reason[rows] = reason
@@ -228,46 +265,3 @@ class Measured:
 def swings_between(low: float, high: float) -> str:
     """Return the reason text of a crank that swings over a reachable range in [rad]."""
     return f"the crank swings from {np.rad2deg(low):.6g} to {np.rad2deg(high):.6g} deg"
-
-
-def nothing_measured(task: SweepTask, count: int) -> Measured:
-    """Return an empty table of designs."""
-    values = {measure.name: np.full(count, np.nan) for measure in task.measures}
-    outcome = np.full(count, OUTCOMES.index("diverged"), dtype=np.int8)
-    return Measured(values, outcome, np.full(count, "", dtype=object))
-
-
-Rows = NDArray[np.intp]
-
-
-def assembled_designs(task: SweepTask, rows: Mapping[str, Array]) -> tuple[StartedDesigns, Rows] | None:
-    """Return the designs that can be made and have equal topology, with their initial poses and indices.
-
-    Args:
-        task: the sweep.
-        rows: parameter -> its value in each design.
-
-    Returns:
-        None if there are none.
-    """
-    formula = task.subject.closed
-    if formula is not None and can_be_started(formula, rows):
-        valid = np.flatnonzero(allowed(formula, rows))
-        while len(valid):
-            designs = closed_form_starts(formula, {name: values[valid] for name, values in rows.items()})
-            assembled = np.all(
-                [np.isfinite(pose.rotation).all((1, 2)) for pose in designs.guess.values()], axis=0
-            )
-            if assembled.all():
-                return designs, valid
-            valid = valid[assembled]
-        return None
-    designs, mechanisms = task.subject.design_family, list[Mechanism | None]()
-    for i in range(len(next(iter(rows.values())))):
-        mechanisms.append(None)
-        with suppress(MechsimError, ArithmeticError, ValueError):
-            design = {name: float(values[i]) for name, values in rows.items()}
-            # an unassembled one is made faster; formulas have the guess
-            mechanisms[i] = designs.describe(design) if formula is None else designs.make(design).mechanism
-    started, which = similar_designs(task.subject.solver.mechanism, mechanisms)
-    return None if started is None else (started, which)

@@ -7,7 +7,6 @@ from model_files import FOLDER
 import mechsim as ms
 from mechsim.studies.sweep import methods
 from mechsim.studies.sweep.sweeping import built, run_sweep, swept_task
-from mechsim.studies.sweep.task import nothing_measured
 
 # a catalogue name, and a file whose loop equations are solved
 FOUR_BAR, LOOPS = "four_bar", str(FOLDER / "swings_four_bar.toml")
@@ -53,7 +52,7 @@ def test_designs_measured_together_agree_with_single_designs(model):
     task = swept_task(model, {"rocker": [0.034, 0.046]}, ["range:rocker", "max:B.vx", "max:B.ax"], speed=3.0)
     result = run_sweep(task)
     assert result["outcome"].values.tolist() == ["swings", "passed"]
-    single = nothing_measured(task, 2)
+    single = task.unmeasured(2)
     methods.one_by_one(task, task.designs.rows(0, 2), np.arange(2), single, {})
     for name, values in single.values.items():
         # a pose at a dead centre is accurate only to the square root of rounding

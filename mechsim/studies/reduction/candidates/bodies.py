@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     import networkx as nx
 
 
-Edit = Callable[[mujoco.MjSpec], None]
 # number of names in a message
 LISTED = 4
 
@@ -41,7 +40,7 @@ class RemovalCandidate:
 
     category: str
     what: str
-    edit: Edit
+    edit: Callable[[mujoco.MjSpec], None]
     only_if_faster: bool = False
 
 
