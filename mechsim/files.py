@@ -19,7 +19,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from mechsim.errors import InputError, MechsimError, OutputError
+from mechsim.errors import InputError, MechsimError, OutputError, several
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.resources import require_memory
 from mechsim.units import Unit, table_in_si
@@ -422,7 +422,7 @@ def _first_bad(names: list[str], lines: list[str]) -> str:
     for number, line in enumerate(lines, 2):
         entries = line.split(",")
         if len(entries) != len(names):
-            return f"line {number} has {len(entries)} values for {len(names)} names"
+            return f"line {number} has {several(len(entries), 'value')} for {several(len(names), 'name')}"
         for name, entry in zip(names, entries, strict=True):
             try:
                 float(entry)

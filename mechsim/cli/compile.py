@@ -18,7 +18,7 @@ from mechsim.codegen.fmu_kinematics import kinematic_fmu
 from mechsim.codegen.printing import c_header, javascript
 from mechsim.codegen.self_test import c_test, javascript_test
 from mechsim.codegen.solver_code import solver_code
-from mechsim.errors import InputError
+from mechsim.errors import InputError, several
 from mechsim.files import write_content
 from mechsim.kinetics.dynamic_run import Initial
 from mechsim.kinetics.gaps import released
@@ -133,8 +133,8 @@ def _with_variables(
     names = {kind: [variable.name for variable in getattr(model, kind)] for kind in kinds}
 
     def text() -> None:
-        numbers = ", ".join(f"{len(names[kind])} {kind}" for kind in kinds)
+        numbers = ", ".join(several(len(names[kind]), kind.removesuffix("s")) for kind in kinds)
         typer.echo(f"{title}: {numbers}")
-        print_text(f"inputs: {', '.join(names['inputs'])}")
+        print_text(f"inputs: {', '.join(names['inputs']) or 'none'}")
 
     return Result({**data, **names}, text, files=files)

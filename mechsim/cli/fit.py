@@ -12,7 +12,7 @@ from mechsim.cli.command import Result, Stated, Without, command, output_file
 from mechsim.cli.options import SPEED, ModelOptions
 from mechsim.cli.output import Value, number, print_table, print_text
 from mechsim.cli.progress import progress
-from mechsim.errors import InputError
+from mechsim.errors import InputError, several
 from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.mechanism.quantities import scalar_quantities
 from mechsim.studies.calibration import Fit, fit_dimensions
@@ -163,7 +163,9 @@ def _print_identified(result: Identification) -> None:
     fitted, predicted = result.rows
     print_text(f"root mean square error of the last {predicted} rows, predicted from {fitted}: {errors}")
     if result.unused:
-        print_text(f"{len(result.unused)} columns without a use: {', '.join(result.unused[:4])} ...")
+        print_text(
+            f"{several(len(result.unused), 'column')} without a use: {', '.join(result.unused[:4])} ..."
+        )
 
 
 def _write(path: str, result: Fit, measured: MeasuredMotion) -> None:
@@ -192,7 +194,7 @@ def _print(result: Fit, measured: MeasuredMotion) -> None:
         pair, value = strongest
         print_text(f"strongest correlation {value:.3f}, of {pair}; condition {number(result.condition, 3)}")
     rms = ", ".join(f"{name} {number(value, 3)}" for name, value in result.rms.items())
-    print_text(f"root mean square residual of {measured.count} numbers: {rms}")
+    print_text(f"root mean square residual of {several(measured.count, 'number')}: {rms}")
     if result.weighed:
         print_text(
             f"that is {number(result.spread, 3)} of the given deviations; about 1 if these are correct"

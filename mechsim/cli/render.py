@@ -14,7 +14,7 @@ from mechsim.cli.load_options import ReleaseOptions, masses_in_json, print_masse
 from mechsim.cli.options import ModelOptions, warn_about_angle
 from mechsim.cli.output import number
 from mechsim.cli.progress import progress
-from mechsim.errors import InputError
+from mechsim.errors import InputError, several
 from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.kinetics import dynamic_model
 from mechsim.mechanism.masses import LinkMass
@@ -233,7 +233,7 @@ def _written(
             count = write_video(path, mechanism, motion, look, angles=shown, progress=report, **extra)
 
     def text() -> None:
-        typer.echo(f"wrote {'' if count is None else f'{count} frames to '}{output}")
+        typer.echo(f"wrote {'' if count is None else several(count, 'frame') + ' to '}{output}")
         print_masses(masses)
 
     data = {"mechanism": solver.name, "output": output, "frames": count, **masses_in_json(masses)}

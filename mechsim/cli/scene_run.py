@@ -9,6 +9,7 @@ from mechsim.cli.command import Result
 from mechsim.cli.exit_codes import notes
 from mechsim.cli.options import ControlOptions, DriveOptions
 from mechsim.cli.output import number, print_text
+from mechsim.errors import several
 from mechsim.mechanism.finding import POSITION_TOLERANCE, Outcome
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf_reader.coordinates import actuator_names
@@ -79,7 +80,7 @@ def run_under_controls(
             print_text(note)
         typer.echo(f"{run.steps} steps in {number(run.seconds)} s, in plain MuJoCo")
         if output is not None:
-            typer.echo(f"wrote {len(run.time)} rows to {output}")
+            typer.echo(f"wrote {several(len(run.time), 'row')} to {output}")
 
     data: dict[str, Any] = {
         "outcome": outcome,

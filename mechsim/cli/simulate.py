@@ -15,7 +15,7 @@ from mechsim.cli.options import SPEED, ChangePointOption, ControlOptions, ModelO
 from mechsim.cli.output import number, print_text
 from mechsim.cli.progress import progress
 from mechsim.cli.verdict_text import headline
-from mechsim.errors import AssemblyError, InputError
+from mechsim.errors import AssemblyError, InputError, several
 from mechsim.io.driver_positions import Poses, driver_path
 from mechsim.io.scene_findings import scene_findings
 from mechsim.kinematics.loops.record import with_all_joints
@@ -138,7 +138,7 @@ def simulate(
         print_text(run.note)
         typer.echo(f"  {run.steps} {unit} in {number(run.seconds)} s")
         if output is not None:
-            typer.echo(f"wrote {len(run.motion)} rows to {output}")
+            typer.echo(f"wrote {several(len(run.motion), 'row')} to {output}")
 
     data = run.summary() | {"mechanism": solver.name, "output": output, "rows": len(run.motion)}
     data |= {"few_digits": few} | findings_in_json(findings)

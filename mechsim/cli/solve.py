@@ -14,7 +14,7 @@ from mechsim.cli.motion_warnings import AccuracyWarning, limited_swing, loss_of_
 from mechsim.cli.options import SPEED, ChangePointOption, ModelOptions, require_motion, warn_about_angles
 from mechsim.cli.output import SI_UNITS, OutputUnits, Units, output_units, print_table, without_noise
 from mechsim.cli.progress import progress
-from mechsim.errors import InputError
+from mechsim.errors import InputError, several
 from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.mechanism.motion import Motion
 from mechsim.numerics.arrays import Array
@@ -138,7 +138,7 @@ def _task(solver: KinematicSolver, options: SolveOptions) -> SolveTask:
     else:
         angles = np.linspace(0.0, 2.0 * np.pi, samples)
     start = solver.starting_at(angles, speed)
-    return SolveTask(start, angles, lambda q: start.solve(q, speed), f"{len(angles):,} crank angles")
+    return SolveTask(start, angles, lambda q: start.solve(q, speed), several(len(angles), "crank angle"))
 
 
 def _columns(motion: "Motion | Poses", shown: OutputUnits | None) -> dict[str, Array]:
@@ -164,7 +164,7 @@ def _whole(
         if few is not None:
             few.warn()
         if output is not None:
-            typer.echo(f"wrote {len(motion)} rows to {output}")
+            typer.echo(f"wrote {several(len(motion), 'row')} to {output}")
         elif sys.stdout.isatty():
             _print_table(solver.name, _columns(motion, shown or SI_UNITS))
         else:
@@ -197,7 +197,7 @@ def _in_chunks(task: SolveTask, output: str | None, shown: OutputUnits | None) -
     if fewest:
         min(fewest, key=lambda few: few.conditioning).warn()
     if output is not None:
-        typer.echo(f"wrote {len(instants)} rows to {output}")
+        typer.echo(f"wrote {several(len(instants), 'row')} to {output}")
 
 
 def _print_csv(tables: Iterable[Mapping[str, Array]]) -> None:

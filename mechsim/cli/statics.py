@@ -15,7 +15,7 @@ from mechsim.cli.load_options import InitialOptions, LoadOptions
 from mechsim.cli.options import ModelOptions
 from mechsim.cli.output import DEGREES, number, print_table, print_text, without_noise
 from mechsim.cli.verdict_text import print_verdicts
-from mechsim.errors import InputError
+from mechsim.errors import InputError, several
 from mechsim.kinetics import DynamicModel, Equilibrium, LoadCurve, Mode
 from mechsim.kinetics.dynamic_run import Initial
 from mechsim.mechanism.mechanism import Mechanism
@@ -95,7 +95,8 @@ def statics(
         if loaded is not None:
             rows = [tuple(map(number, row)) for row in loaded.limit_points]
             spans = [f"{number(x.min())} to {number(x.max())}" for x in (loaded.load, loaded.displacement)]
-            print_text(f"curve {curve}: loads {spans[0]}, displacements {spans[1]}, {len(rows)} limit points")
+            limits = several(len(rows), "limit point")
+            print_text(f"curve {curve}: loads {spans[0]}, displacements {spans[1]}, {limits}")
             print_table(f"limit points of {curve}", ("load", "displacement"), rows)
         if verdicts:
             print_verdicts(verdicts, verbose=verbose)

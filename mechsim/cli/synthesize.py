@@ -8,7 +8,7 @@ from mechsim import units
 from mechsim.cli.command import Result, command
 from mechsim.cli.options import Model, ModelOptions, Sets
 from mechsim.cli.output import number, print_table
-from mechsim.errors import InputError
+from mechsim.errors import InputError, several
 from mechsim.files import attributes
 from mechsim.io import catalog
 from mechsim.papers.coupler_line import Synthesis, synthesize_looper
@@ -43,7 +43,7 @@ def synthesize(
         raise InputError(f"{base.name} cannot be synthesised; choose from {choices}")
     point = units.parse_vector(through, "m", "--through")
     if len(point) != 2:
-        raise InputError(f"--through is {through!r}, {len(point)} numbers; give 2, with a comma")
+        raise InputError(f"--through is {through!r}, {several(len(point), 'number')}; give 2, with a comma")
     line = (point[0], point[1]), units.parse_angle(tilt, "--tilt"), units.parse_length(length, "--length")
     circle_fit = synthesize_looper(*line, base)
     straightest = synthesize_looper(*line, base, equal_ripple=True)

@@ -10,7 +10,7 @@ from mechsim.cli.command import PLOTS, Result, Stated, command, one_of_each, tab
 from mechsim.cli.options import Model, ModelOptions, Sets, Speed
 from mechsim.cli.output import Value, number, print_table, print_text
 from mechsim.cli.progress import progress
-from mechsim.errors import InputError
+from mechsim.errors import InputError, several
 from mechsim.numerics.arrays import REVOLUTION
 from mechsim.numerics.resources import Budget
 from mechsim.pictures import plots
@@ -125,7 +125,7 @@ def _print_advice(result: Tradeoff, by: str, model: str) -> None:
 
 def _count(result: Tradeoff) -> str:
     """Return the number of measured settings, and the settings without a measurement with the reason."""
-    items = [f"{len(result.points)} settings measured in {number(result.seconds, 3)} s"]
+    items = [f"{several(len(result.points), 'setting')} measured in {number(result.seconds, 3)} s"]
     if result.left_out:
         items.append(f"{result.left_out} left out for lack of time")
     if result.untried:

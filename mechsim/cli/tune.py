@@ -12,7 +12,7 @@ from mechsim.cli.exit_codes import notes
 from mechsim.cli.options import ControlOptions, DriveOptions
 from mechsim.cli.output import number, print_table, print_text
 from mechsim.cli.progress import progress
-from mechsim.errors import InputError
+from mechsim.errors import InputError, several
 from mechsim.simulation.plain_settings import ALLOWABLE, PlainSettings
 from mechsim.studies.scene.errors import SceneTrial
 from mechsim.studies.scene.open_scene import require_mjcf
@@ -100,7 +100,7 @@ def _print(result: Tuned, data: dict[str, Any]) -> None:
     typer.echo(f"wrote {data['output']}")
     if data["put_in"]:
         print_text(f"included files are part of it, since they change: {', '.join(data['put_in'])}")
-    print_text(f"{len(result.tried)} settings tried in {number(result.seconds, 3)} s")
+    print_text(f"{several(len(result.tried), 'setting')} tried in {number(result.seconds, 3)} s")
     print_text(f"trajectory: difference to {data['limit']['what']}; --json lists the changed lines")
 
 

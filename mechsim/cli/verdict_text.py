@@ -11,6 +11,7 @@ import typer
 
 from mechsim.cli.finding_text import kind, print_finding_lines
 from mechsim.cli.output import labelled, pass_or_fail, print_table, print_text, width, wrapped
+from mechsim.errors import several
 from mechsim.mechanism.finding import Finding, counted_findings
 from mechsim.mechanism.masses import summary
 from mechsim.pictures.number_text import quantity_text
@@ -216,7 +217,7 @@ def print_cases(cases: Mapping[str, "Validation"], speed: str, *, verbose: bool)
         failed = sum(not check.passed for check in case.verdict.checks)
         count = len(case.verdict.checks)
         result = (
-            f"{count} checks passed{counted_findings(case.warnings)}"
+            f"{several(count, 'check')} passed{counted_findings(case.warnings)}"
             if case.passed
             else f"{failed} of {count} checks failed"
             if failed

@@ -9,7 +9,7 @@ import os
 import re
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, cast
 
@@ -184,9 +184,8 @@ def open_toml(path: str) -> ModelSource:
     Raises:
         InputError: for a file that is no TOML.
     """
-    model = TomlModel(path)
-    has_tables = tables_in(model.source.document, "parameters")
-    return description_in(model.source, ClosedForm) if has_tables else model
+    source = (model := TomlModel(path)).source
+    return description_in(source, ClosedForm) if tables_in(source.document, "parameters") else model
 
 
 def with_formulas(model: Any) -> Any:
@@ -215,19 +214,6 @@ def open_python(address: str) -> ModelSource:
     mechanism = mechanism_in(source)
     run_user_code(path, lambda: _try_formulas(mechanism))
     return mechanism
-
-
-def _tables(source: TomlSource, path: tuple[str, ...]) -> dict[str, dict[str, Any]]:
-    """Return a table of tables of a file; empty without one."""
-    rows: Any = source.document
-    for key in path:
-        rows = rows.get(key, {})
-        if not isinstance(rows, dict):
-            raise source.error(path, "is no table; give one")
-    for key, row in cast(dict[str, Any], rows).items():
-        if not isinstance(row, dict):
-            raise source.error((*path, key), "is no table; give one")
-    return rows
 
 
 def _formulas_address(source: TomlSource) -> str:
@@ -272,12 +258,13 @@ def description_in(source: TomlSource, formulas: type[ClosedForm]) -> FormulaDes
     values = Values(source, "m", "rad", {})
     rows = values.checked(tables_of_parameters, source.document["parameters"], ("parameters",))
     values.checked(root()["properties"]["formula"], source.document.get("formula", {}), ("formula",))
-    for choice, tables in _tables(source, ("when",)).items():
+    parameters = {name: _parameter(source, formulas, name, row) for name, row in rows.items()}
+    values = replace(values, parameters=_numbers({name: row.default for name, row in parameters.items()}))
+    keys = {key: root()["properties"][key] for key in TABLES if key not in OWN_TABLES}
+    choices = {"type": "object", "additionalProperties": {"type": "object", "properties": keys}}
+    for choice in values.checked(choices, source.document.get("when", {}), ("when",)):
         if choice not in rows:
             raise source.error(("when", choice), f"is no parameter{suggestion(choice, rows)}")
-        for key in tables:
-            _tables(source, ("when", choice, key))
-    parameters = {name: _parameter(source, formulas, name, row) for name, row in rows.items()}
     if issubclass(formulas, TwoBranchForm):
         parameters[CHANGE_POINT.name] = CHANGE_POINT
     return FormulaDescription(source, head_comment(source.path), parameters)

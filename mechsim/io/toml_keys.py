@@ -10,7 +10,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from mechsim.mechanism.joint_kinds import KINDS
+from mechsim.mechanism.joint_kinds import ALIASES, KINDS
 
 # a JSON Schema, whose references are resolved
 Key = dict[str, Any]
@@ -21,7 +21,7 @@ SCHEMA = Path(__file__).with_name("mechanism.schema.json")
 def schema() -> Key:
     """Return the JSON Schema of a mechanism's file."""
     read = json.loads(SCHEMA.read_text(encoding="utf-8"))
-    read["$defs"]["joint"]["properties"]["kind"]["enum"] = [*KINDS, "curve", "cam"]
+    read["$defs"]["joint"]["properties"]["kind"]["enum"] = [*KINDS, *ALIASES, "curve", "cam"]
     return read
 
 

@@ -16,6 +16,7 @@ from mechsim.errors import InputError, cut, first_names
 from mechsim.files import is_table, read_in_si
 from mechsim.io.toml_keys import Key, root
 from mechsim.mechanism.expressions import FUNCTIONS, evaluate_number, variables
+from mechsim.mechanism.joint_kinds import ALIASES
 from mechsim.numerics.arrays import HUGE, number
 from mechsim.units import Unit
 
@@ -199,7 +200,7 @@ class Values:
                 self._require(_fits(key, value), value, expected, path)
                 if "enum" in key and value not in key["enum"]:
                     raise self.source.error(path, f"is {shown(value)}; it can be {', '.join(key['enum'])}")
-                return value
+                return ALIASES.get(value, value) if path[-1] == "kind" else value
 
     def _table(self, key: Key, value: Any, path: KeyPath) -> dict[str, Any]:
         self._require(isinstance(value, dict), value, "a table", path)

@@ -158,7 +158,7 @@ def distinct(
             different += [(other, reached) for other in neighbours]
             singular += [False] * len(neighbours)
     dimensions = [
-        0 if is_singular else family_dimension(equations, q)
+        family_dimension(equations, q, is_singular)
         for (q, _), is_singular in zip(different, singular, strict=True)
     ]
     order = sorted(range(len(different)), key=lambda k: (-dimensions[k], singular[k], not different[k][1]))
@@ -193,17 +193,18 @@ def _neighbouring_equilibria(
     return [end for end in ends if end is not None]
 
 
-def family_dimension(equations: EquationsOfMotion, q: Coordinates) -> int:
-    """Return the dimension of the family of equilibria through a regular configuration; 0 if it is isolated.
+def family_dimension(equations: EquationsOfMotion, q: Coordinates, singular: bool = False) -> int:
+    """Return the dimension of the family of equilibria through a configuration; 0 if it is isolated.
 
     A direction without restoring force leads along a family if there are equilibria at a finite distance
-    along it.
+    along it. A family of singular configurations has no regular ones.
     """
     linear = linear_model(equations, q)
     neutral, basis = np.linalg.qr(linear.neutral)[0], linear.basis
     if not neutral.shape[1]:
         return 0
     ends = _neighbouring_equilibria(equations, q, basis, FAMILY_STEP * neutral.T)
+    ends = [end for end in ends if not singular or _singular(equations, end)]
     reached = [neutral.T @ basis.T @ difference(equations, q, end) for end in ends]
     if not reached:
         return 0

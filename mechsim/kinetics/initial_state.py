@@ -11,6 +11,7 @@ from mechsim.kinematics.loops.kinematics import Coordinates
 from mechsim.kinematics.loops.mobility import independent_coordinates
 from mechsim.kinematics.loops.start import ASSEMBLY, CLOSED, close_nearest
 from mechsim.kinematics.vector_method.rotations import from_quaternion, turned_by
+from mechsim.kinetics.contacts import CLOSED_GAP
 from mechsim.kinetics.equations_of_motion import (
     Dynamics,
     EquationsOfMotion,
@@ -18,6 +19,7 @@ from mechsim.kinetics.equations_of_motion import (
     constraint_jacobians,
     with_locked_rows,
 )
+from mechsim.kinetics.gaps import gap_limits
 from mechsim.mechanism.links import GROUND
 from mechsim.numerics.arrays import EPS, Array, cross
 from mechsim.numerics.rank import RANK_TOLERANCE, null_space, significant
@@ -207,15 +209,22 @@ def _columns(values: Collection[float | Array]) -> Array:
 def _independent(equations: EquationsOfMotion, q: Coordinates, named: Sequence[int]) -> dict[str, int]:
     """Return independent coordinates besides named ones, with their indices: drivers first, then near ground.
 
-    Rows of the null space of [G; E] move only these, with G = dPhi/dq of the loops and E the unit rows of
-    named and locked coordinates (Nikravesh, ch. 3).
+    The gap of a slack rope or an open contact comes last: it follows from the motion of its links. Rows of
+    the null space of [G; E] move only these, with G = dPhi/dq of the loops and E the unit rows of named and
+    locked coordinates (Nikravesh, ch. 3).
     """
     loops, mechanism = equations.loops, equations.model.mechanism
+    index_of = loops.tree.index_of
     ordered = sorted(mechanism.joints, key=lambda joint: GROUND not in (joint.a.link, joint.b.link))
     names = dict.fromkeys([*mechanism.drivers, *(name for joint in ordered for name in joint.coordinates)])
+    one_sided = [name for name, (_, high) in gap_limits(mechanism).items() if high == np.inf]
+    names |= {
+        name: names.pop(name)
+        for name in one_sided
+        if q.values[index_of[name], 0] > CLOSED_GAP * loops.tree.length
+    }
     fixed = np.eye(loops.tree.count)[[*loops.driven, *named]]
     motions = null_space(np.concatenate([loops.linearise(q)[1][:, :, 0], fixed]))
-    index_of = loops.tree.index_of
     independent, _ = independent_coordinates(loops, [name for name in names if name in index_of], motions)
     return {name: index_of[name] for name in independent}
 

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.errors import InputError
+from mechsim.errors import InputError, several
 from mechsim.kinetics.curve_equilibria import EquilibriumCurve, curve_through, tangents_next_to
 from mechsim.kinetics.dynamic_run import Initial
 from mechsim.kinetics.linearization import independent_rates, reduced_forces
@@ -32,6 +32,8 @@ POINTS = 8
 MIN_POINTS = 3
 # step of central differences of fourth order along the curve: truncation and rounding are both about 1e-13
 STEP = 1e-3
+# length along the curve below which points are equal
+SAME = 1e-9
 # derivative of the displacement, per radian or characteristic length, below which a load has no effect
 NO_EFFECT = 1e-9
 
@@ -92,13 +94,31 @@ def load_curve(
     outside = np.flatnonzero(~within)
     first = int(outside[outside < start].max(initial=-1)) + 1
     last = int(outside[outside > start].min(initial=len(within)))
-    values, derivatives = _loads(curve, quantity)
     effect = NO_EFFECT * (1.0 if quantity.unit == "rad" else equations.loops.tree.length)
-    rows = first + np.flatnonzero(np.abs(derivatives[first:last]) > effect)
-    if len(rows) < MIN_POINTS:
+    if curve.forward is None:
+        # at most the whole of a closed curve, as much on either side of the start as the interval lets
+        whole = 0.5 * curve.lengths[:-1].sum()
+        positions = np.cumsum(curve.lengths) - curve.lengths - whole
+        back, ahead = -positions[first], positions[last - 1]
+        if back + ahead >= whole:
+            back = min(back, max(0.5 * whole, whole - ahead))
+            first, last = np.searchsorted(positions, [-back - SAME, whole - back + SAME]).tolist()
+    points, moved = last - first, [False, False]
+    for side, k, row, inner in ((0, first - 1, first - 1, first), (1, last - 1, last, last - 1)):
+        if 0 <= row < len(within) and not within[row]:
+            end = between[int(displacement[row] > between[1])]
+            moved[side] = abs(displacement[inner] - end) > effect
+            if moved[side]:
+                displacement[row] = _moved(curve, quantity, k, row, end)
+    rows = np.arange(first - moved[0], last + moved[1])
+    q, displacement = curve.q.select(rows), displacement[rows]
+    curve = EquilibriumCurve(equations, q, curve.tangents[rows], curve.lengths[rows])
+    values, derivatives = _loads(curve, quantity)
+    rows = np.flatnonzero(np.abs(derivatives) > effect)
+    if min(points, len(rows)) < MIN_POINTS:
         raise InputError(
-            f"{name}: the load curve has {len(rows)} points from {between[0]:.6g} to {between[1]:.6g}; give "
-            "a wider interval"
+            f"{name}: the load curve has {several(min(points, len(rows)), 'point')} from {between[0]:.6g} to "
+            f"{between[1]:.6g}; give a wider interval"
         )
     q, values, signs = curve.q.select(rows), values[rows], np.sign(derivatives[rows])
     # where the displacement turns back, the load has a pole, which is no limit point
@@ -120,19 +140,40 @@ def _dense(curve: EquilibriumCurve) -> tuple[EquilibriumCurve, int]:
     """Return points in the order of a curve, with their tangents, and the number of the start."""
     interval = np.repeat(np.arange(len(curve.lengths)), POINTS)
     u = (curve.lengths[:, None] * np.arange(POINTS) / POINTS).ravel()
-    positions = curve.positions(interval, u)
-    if curve.forward is None:
-        # a closed curve extends to both sides of its start
-        whole = curve.lengths.sum()
-        positions = np.where(positions > 0.5 * whole, positions - whole, positions)
     # both directions begin at the start
-    positions, order = np.unique(positions, return_index=True)
+    positions, order = np.unique(curve.positions(interval, u), return_index=True)
+    lengths = np.append(np.diff(positions), positions[-1] - positions[-2])
     q = curve.configurations(interval[order], u[order])
     tangents, _ = tangents_next_to(curve.equations, q, curve.tangents[interval[order]])
-    backward = interval[order] >= (len(curve.lengths) if curve.forward is None else curve.forward)
-    tangents = np.where(backward[:, None], -tangents, tangents)
-    lengths = np.append(np.diff(positions), positions[-1] - positions[-2])
-    return EquilibriumCurve(curve.equations, q, tangents, lengths), int(np.argmin(np.abs(positions)))
+    if curve.forward is None:
+        # a closed curve, once in each direction
+        whole, rows = curve.lengths.sum(), np.append(np.tile(np.arange(len(order)), 2), 0)
+        lengths[-1] = whole - positions[-1]
+        positions = np.concatenate([positions - whole, positions, [whole]])
+        q, tangents, lengths = q.select(rows), tangents[rows], lengths[rows]
+    else:
+        tangents = np.where((interval[order] >= curve.forward)[:, None], -tangents, tangents)
+    dense = EquilibriumCurve(curve.equations, q, tangents, lengths, curve.forward)
+    return dense, int(np.argmin(np.abs(positions)))
+
+
+def _moved(curve: EquilibriumCurve, quantity: Quantity, k: int, row: int, end: float) -> float:
+    """Move a point, k or k + 1, along interval k of a curve to a displacement, which is returned."""
+    which = np.array([k])
+
+    def beyond(u: float) -> float:
+        """Return the displacement beyond the requested one."""
+        q = curve.configurations(which, np.array([u]))
+        away = values_at(curve.equations, quantity, curve.equations.kinematics(q)) - end
+        return float((wrapped(away) if quantity.angle else away)[0])
+
+    u = root(beyond, 0.0, float(curve.lengths[k]))
+    q = curve.configurations(which, np.array([u]))
+    tangent = tangents_next_to(curve.equations, q, curve.tangents[which])[0][0]
+    curve.q.values[:, row], curve.q.turns[..., row] = q.values[:, 0], q.turns[..., 0]
+    curve.tangents[row] = tangent
+    curve.lengths[k] = u if row > k else curve.lengths[k] - u
+    return end
 
 
 def _displacements(curve: EquilibriumCurve, quantity: Quantity, start: int) -> Array:

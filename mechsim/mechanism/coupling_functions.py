@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from mechsim.errors import InputError
+from mechsim.errors import InputError, several
 from mechsim.mechanism.expressions import Expression, Instruction, Table, compiled, with_numbers
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.jets import Jet
@@ -96,8 +96,8 @@ class TabledFunction:
         positions, table = np.array(self.positions), np.array([self.positions, self.targets])
         if not (len(positions) >= MIN_ROWS and np.isfinite(table).all() and (np.diff(positions) > 0.0).all()):
             raise InputError(
-                f"table {self.text!r} has {len(positions)} rows that are not all finite with rising "
-                f"{self.variable}; give {MIN_ROWS} rows or more, sorted by {self.variable}"
+                f"table {self.text!r} has {several(len(positions), 'row')} that are not all finite with "
+                f"rising {self.variable}; give {MIN_ROWS} rows or more, sorted by {self.variable}"
             )
 
     @property

@@ -15,7 +15,7 @@ from typing import Any, Literal, NamedTuple, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechsim.errors import InputError
+from mechsim.errors import InputError, several
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.jets import Jet, angle_of, jet_where
 
@@ -255,7 +255,9 @@ class Evaluator:
             raise InputError(f"calls {name!r}, which is no known function; {_ALLOWED}")
         terms = [self.evaluate(argument, depth) for argument in arguments]
         if len(terms) != function.count and (function.count is not None or not terms):
-            raise InputError(f"gives {name} {len(terms)} numbers; give {function.count or '1 or more'}")
+            raise InputError(
+                f"gives {name} {several(len(terms), 'number')}; give {function.count or '1 or more'}"
+            )
         if function.unit in ("same", "ratio"):
             shared = _of_shared_unit(terms)
             value = _plain(function.value(*(term.value for term in terms)))

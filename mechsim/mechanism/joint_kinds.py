@@ -39,6 +39,8 @@ KindName = Literal[
     "cartesian",
 ]
 
+# other name of a kind -> the one that is printed
+ALIASES: dict[str, KindName] = {"free": "floating"}
 # column of a joint frame -> name, in messages, of the directions that must not be antiparallel
 _DIRECTIONS = {2: "axes", 0: "references"}
 # axis -> column of the frame of the joint side on which it is fixed: side b for "b", else side a

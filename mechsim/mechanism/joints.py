@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from mechsim.errors import InputError
-from mechsim.mechanism.joint_kinds import KINDS, KindName, coordinates, kinds_that
+from mechsim.errors import InputError, several
+from mechsim.mechanism.joint_kinds import ALIASES, KINDS, KindName, coordinates, kinds_that
 from mechsim.mechanism.links import EX, EY, EZ, MAX_COORDINATE, ORIGIN, VIRTUAL_PREFIX, Pose, Vector, vector
 from mechsim.numerics.arrays import Array, at_least_zero, number, numbers, polynomial, require
 
@@ -115,7 +115,7 @@ class Coupling:
         counts = (1, MAX_DEGREE + 1) if self.function is None else (0, 0)
         if not counts[0] <= len(self.coefficients) <= counts[1]:
             raise InputError(
-                f"coupling {self.name!r} has {len(self.coefficients)} coefficients; "
+                f"coupling {self.name!r} has {several(len(self.coefficients), 'coefficient')}; "
                 f"give {counts[0]} to {counts[1]}, constant first"
             )
         at_least_zero(f"backlash of coupling {self.name!r}", self.backlash)
@@ -312,6 +312,7 @@ class Joint:
     without_reference: bool = field(init=False, default=False, compare=False, repr=False)
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "kind", ALIASES.get(str(self.kind), self.kind))
         if str(self.kind) not in KINDS:
             raise InputError(f"joint {self.name!r} is of kind {self.kind!r}; choose from {', '.join(KINDS)}")
         for end in (self.a, self.b):

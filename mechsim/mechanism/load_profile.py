@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechsim.errors import InputError
+from mechsim.errors import InputError, several
 from mechsim.mechanism.expressions import Instruction, Table
 from mechsim.numerics.arrays import HUGE, REVOLUTION, Array
 from mechsim.numerics.differences import extrapolated_derivative
@@ -151,7 +151,7 @@ def table(
         y = np.concatenate([y[:-1], y[:1]])
     least = 4 if smooth else 2
     if len(x) < least:
-        raise InputError(f"load table has {len(x)} rows; give {least} or more")
+        raise InputError(f"load table has {several(len(x), 'row')}; give {least} or more")
     ends: str | None = None if not smooth else "periodic" if repeats else "natural"
     spline = make_interp_spline(x, y, k=3 if smooth else 1, bc_type=ends)
     value = Interpolated(over, float(x[0]), float(x[-1]), bool(repeats), spline)

@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.errors import InputError
+from mechsim.errors import InputError, several
 from mechsim.mechanism.links import VIRTUAL_PREFIX
 from mechsim.numerics.arrays import REVOLUTION, Array, number, numbers
 from mechsim.simulation.mjcf.generator import DRIVE_INERTIA_RATIO
@@ -310,7 +310,9 @@ def setting_of(text: str) -> tuple[str, Any]:
         numbers, least, most = parse_vector(value, "1", label), rule["fewest"], rule["count"]
         if not least <= len(numbers) <= most:
             expected = str(least) if least == most else f"{least} to {most}"
-            raise InputError(f"{label} is {value!r}, {len(numbers)} numbers; give {expected}, with commas")
+            raise InputError(
+                f"{label} is {value!r}, {several(len(numbers), 'number')}; give {expected}, with commas"
+            )
         return name, numbers + (default if isinstance(default, tuple) else ())[len(numbers) :]
     number = float(parse(value, "1", label))
     return name, int(number) if number.is_integer() else number

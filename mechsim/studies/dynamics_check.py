@@ -6,6 +6,7 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
 
 from mechsim.compare.checks import Check, Verdict, check_of, concluded
 from mechsim.compare.crosscheck import crosscheck_forces
@@ -41,6 +42,8 @@ MIN_STEPS_PER_STEP, MIN_WITH_FRICTION, STEPS_PER_STEP = 20, 2, 300
 STEPS_IN_C, STEPS_PER_SEGMENT = 4, 8
 # largest number of steps of one run, and of compared segments of a run with impacts
 MAX_STEPS, MAX_SEGMENTS = 400_000, 8
+# distance of eigenvalues in [1/s] that stands for infinite ones and for no number
+HUGE = 1e300
 # rate of a joint that never moves, in [rad/s] or [m/s]: accelerations of 1e-11 are rounding of weight
 REST = 1e-10
 # rate of points at rest relative to that of rotations at the size of the mechanism, from rounding
@@ -428,16 +431,16 @@ def crosscheck_equilibrium(equilibrium: Equilibrium, model: DynamicModel) -> Ver
     still = CONFIGURATION_TOLERANCE * (state.stiffness + state.unconstrained) + ACCELERATION_ROUNDING
     reason = f"effect of {CONFIGURATION_TOLERANCE:.0e} rad or sizes from the equilibrium, and soft loops"
     checks = [_static_check("acceleration at rest", state.accelerations, Tolerance(still, "1/s2", reason))]
+    # each eigenvalue is compared once; those of conjugate ones are conjugate
     distances = np.abs(exact[:, None] - state.eigenvalues)
-    errors = state.errors.tolist()
-    for number, k in enumerate(np.argsort(np.abs(exact)).tolist(), start=1):
-        nearest = int(distances[k].argmin())
-        error = float(distances[k, nearest])
-        checks.append(_eigenvalue_check(f"eigenvalue {number}", error, complex(exact[k]), errors[nearest]))
-    checks += [
-        _eigenvalue_check("eigenvalue in MuJoCo", float(distance), complex(value), error)
-        for distance, value, error in zip(distances.min(0), state.eigenvalues, errors, strict=True)
-    ]
+    pairs = sorted(
+        zip(*linear_sum_assignment(np.fmin(distances, HUGE)), strict=True),
+        key=lambda pair: abs(exact[pair[0]]),
+    )
+    upper = [(k, i) for k, i in pairs if exact[k].imag >= 0.0]
+    for number, (k, i) in enumerate(upper, start=1):
+        error, value = float(distances[k, i]), complex(exact[k])
+        checks.append(_eigenvalue_check(f"eigenvalue {number}", error, value, float(state.errors[i])))
     return concluded(checks)
 
 

@@ -7,7 +7,7 @@ from typing import Any, cast
 import numpy as np
 
 from mechsim import units
-from mechsim.errors import InputError
+from mechsim.errors import InputError, several
 from mechsim.mechanism.links import AXES
 from mechsim.numerics.arrays import HUGE, numbers
 from mechsim.units import Unit
@@ -85,7 +85,7 @@ class FormulaParameter:
             values, count = units.parse_vector(value, self.unit, what), len(cast(tuple[Any], self.default))
             if len(values) != count:
                 raise InputError(
-                    f"{what} is {value!r}, {len(values)} numbers; give {count} separated by commas"
+                    f"{what} is {value!r}, {several(len(values), 'number')}; give {count} separated by commas"
                 )
             return values
         number = units.parse(value, self.unit, what)

@@ -37,6 +37,8 @@ TIMESTEP = 1e-3
 # too high, with 1e-10 1e-8. But stiff loops round more: with 1e-10 a frequency of planar_3rrr was 2 % off,
 # with 1e-8 less than 1e-5. The change between two of them shows both errors
 COMPLIANCES = 10.0 ** -np.arange(6.0, 11.0)
+# deviation of y' x from 1 above which y is no left vector of an eigenvalue; rounding is 1e-15
+SINGLE = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,7 +128,8 @@ class StaticModel:
         without_loops = data.qacc_smooth / loops.units if len(jacobian) else rest
         unconstrained = float(np.abs(without_loops).max(initial=0.0))
         # loops cancel accelerations, also where no force remains along a family of equilibria
-        error = error + rounding * np.abs(derivatives).max(initial=0.0) + EPS * unconstrained / FIRST
+        largest = max(unconstrained, np.abs(differences(self.solved[best], FIRST)).max(initial=0.0) * FIRST)
+        error = error + rounding * np.abs(derivatives).max(initial=0.0) + EPS * largest / FIRST
         eigenvalues, errors = _eigenvalues(derivatives, error)
         stiffness = float(np.linalg.norm(derivatives[:, :dof], 2)) if dof else 0.0
         return StaticState(at_rest, stiffness, unconstrained, eigenvalues, errors)
@@ -143,8 +146,10 @@ def _eigenvalues(derivatives: Array, error: Array) -> tuple[NDArray[np.complex12
     values, right = np.linalg.eig(matrix)
     change = np.concatenate([np.zeros((dof, 2 * dof)), error])
     change += EPS * np.abs(matrix).max(initial=0.0)
-    left = np.abs(np.linalg.pinv(right, rcond=1e-15))
-    simple = np.einsum("ki,ij,jk->k", left, change, np.abs(right))
+    left = np.linalg.pinv(right, rcond=1e-15)
+    simple = np.einsum("ki,ij,jk->k", np.abs(left), change, np.abs(right))
+    # no left vector of a double eigenvalue with one right vector has y' x = 1
+    simple[np.abs(np.einsum("ki,ik->k", left, right) - 1.0) > SINGLE] = np.inf
     double = np.sqrt(np.linalg.norm(error[:, :dof])) + np.linalg.norm(error[:, dof:])
     return values.astype(np.complex128), np.fmin(simple, double)
 

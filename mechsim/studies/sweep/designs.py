@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from mechsim import units
-from mechsim.errors import InputError, require_once
+from mechsim.errors import InputError, require_once, several
 from mechsim.files import read_rows
 from mechsim.io.toml_values import suggestion
 from mechsim.kinematics.designs import DesignFamily
@@ -267,7 +267,7 @@ def read_designs(
 
 def _value(row: Sequence[str], i: int, unit: str, path: str, line: int, declared: str) -> float:
     if i >= len(row):
-        raise InputError(f"line {line} of {path} has {len(row)} values; give one for each column")
+        raise InputError(f"line {line} of {path} has {several(len(row), 'value')}; give one for each column")
     if declared:
         what = f"line {line} of {path}"
         units.require_written(row[i], unit, declared, what)  # pyright: ignore[reportArgumentType]
