@@ -33,7 +33,7 @@ MIN_POINTS = 3
 # step of central differences of fourth order along the curve: truncation and rounding are both about 1e-13
 STEP = 1e-3
 # length along the curve below which points are equal
-SAME = 1e-9
+POINT_TOLERANCE = 1e-9
 # derivative of the displacement, per radian or characteristic length, below which a load has no effect
 NO_EFFECT = 1e-9
 
@@ -102,7 +102,9 @@ def load_curve(
         back, ahead = -positions[first], positions[last - 1]
         if back + ahead >= whole:
             back = min(back, max(0.5 * whole, whole - ahead))
-            first, last = np.searchsorted(positions, [-back - SAME, whole - back + SAME]).tolist()
+            first, last = np.searchsorted(
+                positions, [-back - POINT_TOLERANCE, whole - back + POINT_TOLERANCE]
+            ).tolist()
     points, moved = last - first, [False, False]
     for side, k, row, inner in ((0, first - 1, first - 1, first), (1, last - 1, last, last - 1)):
         if 0 <= row < len(within) and not within[row]:
