@@ -138,7 +138,7 @@ def _task(solver: KinematicSolver, options: SolveOptions) -> SolveTask:
     else:
         angles = np.linspace(0.0, 2.0 * np.pi, samples)
     start = solver.starting_at(angles, speed)
-    return SolveTask(start, angles, lambda q: start.solve(q, speed), several(len(angles), "crank angle"))
+    return SolveTask(start, angles, lambda q: start.solve(q, speed), f"{len(angles):,} crank angles")
 
 
 def _columns(motion: "Motion | Poses", shown: OutputUnits | None) -> dict[str, Array]:
