@@ -8,18 +8,9 @@ from typing import Literal, Protocol
 
 import numpy as np
 
+from mechsim.compare import quantities
 from mechsim.compare.checks import Tolerances, Verdict, checks_of, concluded, tolerances_of
-from mechsim.compare.quantities import (
-    CRANK_DRIVE,
-    DRIVERS,
-    FORCES,
-    MOTION,
-    force_scales,
-    largest_acceleration,
-    motion_scales,
-    reach_of,
-    stroke_of,
-)
+from mechsim.compare.quantities import CRANK_DRIVE, DRIVERS, FORCES, MOTION, force_scales, stroke_of
 from mechsim.compare.tolerances import Requested, Tolerance, instants_of
 from mechsim.errors import AssemblyError, InputError, first_names
 from mechsim.mechanism.finding import POSITION_TOLERANCE
@@ -186,14 +177,15 @@ def _motion_and_tolerance(
 
 
 def _motion_tolerances(simulated: Motion, exact: Motion, tolerance: float | None) -> dict[str, Tolerance]:
-    stroke, reach, fastest = stroke_of(exact), reach_of(exact), float(np.abs(simulated.speed).max())
-    quickest = largest_acceleration(exact, reach)
+    stroke, reach = stroke_of(exact), quantities.reach_of(exact)
+    fastest = float(np.abs(simulated.speed).max())
+    quickest = quantities.largest_acceleration(exact, reach)
     rows = (*MOTION, *CRANK_DRIVE, *DRIVERS)
     method = "pose" if simulated.source == "pose" and tolerance is None else "step"
     # poses have the rounding of angles: of the largest angle of a joint, at least one revolution
     turning = [joint.value for joint in exact.joints.values() if joint.unit == "rad" and method == "pose"]
     revolutions = max([1.0, *(float(np.abs(angle).max(initial=0.0)) / REVOLUTION for angle in turning)])
-    scales = motion_scales(stroke, fastest, reach, quickest, revolutions)
+    scales = quantities.motion_scales(stroke, fastest, reach, quickest, revolutions)
     requested = Requested(POSITION_TOLERANCE * stroke if tolerance is None else tolerance, scale=stroke)
     return tolerances_of(rows, method, scales, requested)
 

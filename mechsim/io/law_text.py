@@ -12,19 +12,8 @@ import numpy as np
 from mechsim import files, units
 from mechsim.errors import InputError
 from mechsim.files import is_table
-from mechsim.mechanism.expressions import (
-    VARIABLES,
-    Evaluator,
-    Expression,
-    Instruction,
-    Term,
-    described,
-    instructions_of,
-    parse_expression,
-    unit_powers,
-    variables,
-    without_time,
-)
+from mechsim.mechanism import expressions
+from mechsim.mechanism.expressions import VARIABLES, Expression, Instruction, Term, unit_powers, without_time
 from mechsim.mechanism.forces import Forces
 from mechsim.mechanism.load_profile import LoadProfile, Over, constant, function, table, whole_revolutions
 from mechsim.mechanism.motion_laws import State, steady, tabled
@@ -95,7 +84,7 @@ def time_function(
         quantities[name] = quantity(f"{match[1]} {match[2]}")
         return name
 
-    tree = parse_expression(_QUANTITY.sub(placeholder, text))
+    tree = expressions.parse_expression(_QUANTITY.sub(placeholder, text))
     numbers = {name: Term(value) for name, value in (parameters or {}).items()}
 
     used: dict[str, Term] = {}
@@ -107,7 +96,7 @@ def time_function(
 
     try:
         with np.errstate(all="ignore"):
-            probe = Evaluator(name_value).evaluate(tree)
+            probe = expressions.Evaluator(name_value).evaluate(tree)
     except (ArithmeticError, ValueError) as error:
         if isinstance(error, InputError):
             raise
@@ -118,7 +107,7 @@ def time_function(
     scale = default_unit if probe.dimensionless else 1.0
     product = [Instruction("number", scale), Instruction("Mult", operator.mul, 2)]
     values = {name: float(term.value) for name, term in used.items() if name != variable}
-    instructions = (*instructions_of(tree, values), *(product if scale != 1.0 else []))
+    instructions = (*expressions.instructions_of(tree, values), *(product if scale != 1.0 else []))
     state = TimeFunction(Expression(text, (variable,), instructions))
     si_text = text if scale == 1.0 else f"({text})*{scale:.17g}"
     for name, value in (parameters or {}).items():
@@ -132,7 +121,7 @@ def _require_unit(probe: Term, unit: str, default_unit: float, declared: str) ->
     # a length times an angle is a length
     fits = probe.powers[:3] == expected[:3] and (unit != "rad" or probe.powers == expected)
     if not (probe.dimensionless or fits):
-        raise InputError(f"is {probe.description}; give {described(expected)}")
+        raise InputError(f"is {probe.description}; give {expressions.described(expected)}")
     needs_unit = bool(declared) and units.in_si(1.0, declared, unit) != 1.0  # pyright: ignore[reportArgumentType]
     if probe.dimensionless and needs_unit and not probe.zero:
         raise InputError(f"has no unit, and the file is in {declared}; give it one")
@@ -362,7 +351,7 @@ def parse_component(text: str, name: str, unit: str, parameters: Mapping[str, fl
         repeats = turns == 1 or (turns > 1 and value[0] == value[-1])
         profile = table(position, value, over=_AXES[axis], periodic=bool(repeats))
         return LoadComponent(text, profile, profile.instructions[0])
-    names = variables(text)
+    names = expressions.variables(text)
     if len(names) > 1:
         raise InputError(f"names both {' and '.join(names)}; a load varies over only one of them")
     (variable,) = names

@@ -12,13 +12,8 @@ from numpy.typing import ArrayLike
 from mechsim.kinematics.formulas.closed_form import ClosedForm
 from mechsim.kinematics.formulas.parameters import FormulaParameter
 from mechsim.kinematics.path_instants import crank_angles
-from mechsim.kinematics.vector_method.trig_polynomial import (
-    SignedRoot,
-    TrigPolynomial,
-    reachable_arcs,
-    sampled_polynomial,
-    signed_root,
-)
+from mechsim.kinematics.vector_method import trig_polynomial
+from mechsim.kinematics.vector_method.trig_polynomial import SignedRoot, TrigPolynomial, reachable_arcs
 from mechsim.kinematics.vector_method.vectors import Sign
 from mechsim.mechanism.motion import ChangePointPolicy
 from mechsim.mechanism.motion_laws import Arcs, interval_around
@@ -150,7 +145,7 @@ class TwoBranchForm(ClosedForm):
 
     @cached_property
     def _polynomial(self) -> TrigPolynomial:
-        return sampled_polynomial(self.discriminant, self.discriminant_degree)
+        return trig_polynomial.sampled_polynomial(self.discriminant, self.discriminant_degree)
 
     @cached_property
     def _arcs(self) -> Arcs:
@@ -158,7 +153,7 @@ class TwoBranchForm(ClosedForm):
 
     @cached_property
     def _root(self) -> SignedRoot:
-        return signed_root(self._polynomial)
+        return trig_polynomial.signed_root(self._polynomial)
 
     @cached_property
     def _keeps_assembly(self) -> bool:

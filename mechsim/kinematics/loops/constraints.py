@@ -14,16 +14,8 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.kinematics.loops.kinematics import (
-    Coordinates,
-    LinkPoses,
-    axial,
-    carried_frame,
-    carried_point,
-    link_poses,
-    matrix_product,
-    on_ground,
-)
+from mechsim.kinematics.loops import kinematics
+from mechsim.kinematics.loops.kinematics import Coordinates, LinkPoses, axial, link_poses, matrix_product
 from mechsim.kinematics.loops.tree import Indices, SpanningTree, indices, spanning_tree
 from mechsim.kinematics.vector_method.vectors import array_cross as cross
 from mechsim.mechanism.joint_kinds import COLUMN, KINDS, coordinates
@@ -172,11 +164,11 @@ class CutGroup:
         sides: list[Array] = []
         for links, point, frame in self._sides:
             if links is None:
-                rotated_frame, placed = on_ground(frame, point)
+                rotated_frame, placed = kinematics.on_ground(frame, point)
             else:
                 rotation = poses.rotation[links]
-                placed = poses.position[links] + carried_point(point, rotation)
-                rotated_frame = carried_frame(frame, rotation)
+                placed = poses.position[links] + kinematics.carried_point(point, rotation)
+                rotated_frame = kinematics.carried_frame(frame, rotation)
             sides += [placed.swapaxes(0, 1), rotated_frame.transpose(1, 2, 0, 3)]
         return sides[0], sides[1], sides[2], sides[3]
 

@@ -2,15 +2,10 @@
 
 import numpy as np
 
+from mechsim.kinematics.loops import mobility
 from mechsim.kinematics.loops.constraints import TreeSolver
 from mechsim.kinematics.loops.kinematics import link_poses
-from mechsim.kinematics.loops.mobility import (
-    MIN_PARTICIPATION,
-    independent_coordinates,
-    solver_at_generic_pose,
-    undetermined_motions,
-    with_component_locked,
-)
+from mechsim.kinematics.loops.mobility import MIN_PARTICIPATION, independent_coordinates
 from mechsim.mechanism.joint_kinds import KINDS
 from mechsim.mechanism.joints import Joint
 from mechsim.mechanism.links import GROUND, VIRTUAL_PREFIX, Vector, vector
@@ -24,7 +19,7 @@ def undetermined_joints(mechanism: Mechanism) -> dict[str, Vector | None]:
     Raises:
         AssemblyError: where the loops do not close.
     """
-    return joints_to_lock(solver_at_generic_pose(mechanism)[0])
+    return joints_to_lock(mobility.solver_at_generic_pose(mechanism)[0])
 
 
 def joints_to_lock(solver: TreeSolver) -> dict[str, Vector | None]:
@@ -34,7 +29,7 @@ def joints_to_lock(solver: TreeSolver) -> dict[str, Vector | None]:
     ball of which one rotation alone is undetermined, as of a rod between two balls, has this spin for
     `spin_rod`; the others have None.
     """
-    undetermined = [*undetermined_motions(solver, loops_last=True)] if solver.nullity else []
+    undetermined = [*mobility.undetermined_motions(solver, loops_last=True)] if solver.nullity else []
     names, loops = [name for _, name, _ in undetermined], solver.loops
     null_space = np.zeros((solver.nullity, loops.tree.count))
     null_space[:, loops.unknown] = solver.null_space
@@ -50,7 +45,7 @@ def joints_to_lock(solver: TreeSolver) -> dict[str, Vector | None]:
         for axis in axes if single else np.eye(3):
             component = null_space[:, ball.first_angle : ball.first_angle + 3] @ axis
             if float(np.linalg.norm(component)) > MIN_PARTICIPATION:
-                null_space = with_component_locked(null_space, component)
+                null_space = mobility.with_component_locked(null_space, component)
     others = [name for name in names if name not in locks]
     return locks | dict.fromkeys(independent_coordinates(loops, others, null_space)[0])
 

@@ -108,16 +108,12 @@ def plainly_compiled(spec: mujoco.MjSpec, warned: list[str] | None = None) -> mu
 
 # elements whose numbers MuJoCo's writer rounds to six digits: path, kind, attributes
 EXACT_ATTRIBUTES = (
-    (
-        ".//body/joint",
-        "joint",
-        ("pos", "axis", "ref", "armature", "stiffness", "springref", "damping", "frictionloss"),
-    ),
-    ("./worldbody//site", "site", ("pos", "quat")),
-    ("equality/*", "equality", ("solref", "solimp")),
-    ("tendon/*", "tendon", ("stiffness", "damping", "springlength", "frictionloss")),
-    ("actuator/*", "actuator", ("gainprm", "biasprm", "gear")),
-    ("keyframe/key", "key", ("qpos", "qvel", "ctrl")),
+    (".//body/joint", "joint", "pos axis ref armature stiffness springref damping frictionloss"),
+    ("./worldbody//site", "site", "pos quat"),
+    ("equality/*", "equality", "solref solimp"),
+    ("tendon/*", "tendon", "stiffness damping springlength frictionloss"),
+    ("actuator/*", "actuator", "gainprm biasprm gear"),
+    ("keyframe/key", "key", "qpos qvel ctrl"),
 )
 # attributes of `inertial` -> field of the body's specification
 INERTIAL = {"pos": "ipos", "quat": "iquat", "mass": "mass", "diaginertia": "inertia"}
@@ -138,7 +134,7 @@ def to_xml(spec: mujoco.MjSpec) -> str:
             _rewrite_inertial(inertial, owner)
     for path, kind, attributes in EXACT_ATTRIBUTES:
         for element in root.iterfind(path):
-            _rewrite(element, getattr(spec, kind)(element.get("name")), attributes)
+            _rewrite(element, getattr(spec, kind)(element.get("name")), attributes.split())
     for coupling in root.iterfind("equality/joint"):
         coupling.set("polycoef", _text(spec.equality(coupling.get("name")).data[:5]))
     ET.indent(root)

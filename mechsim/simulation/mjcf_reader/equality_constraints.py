@@ -1,7 +1,6 @@
 """Equality constraints of a model as joints and couplings: connect, weld, joint and fixed-tendon equality."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 
 import mujoco
 import numpy as np
@@ -19,25 +18,10 @@ JOINT = int(mujoco.mjtEq.mjEQ_JOINT)
 TENDON = int(mujoco.mjtEq.mjEQ_TENDON)
 
 
-@dataclass
-class Equalities:
-    """The equality constraints of a model.
-
-    Attributes:
-        joints: joints from connect and weld constraints.
-        couplings: couplings from joint and tendon constraints.
-        remarks: sentences on inactive or redundant constraints.
-    """
-
-    joints: list[Joint] = field(default_factory=list[Joint])
-    couplings: list[Coupling] = field(default_factory=list[Coupling])
-    remarks: list[str] = field(default_factory=list[str])
-
-
 def equalities(
     model: mujoco.MjModel, carriers: Sequence[Carrier], *, skip_others: bool = False
-) -> Equalities:
-    """Return the active equality constraints of a model as joints and couplings.
+) -> tuple[tuple[Joint, ...], tuple[Coupling, ...], tuple[str, ...]]:
+    """Return the active equality constraints of a model as joints and couplings, and remarks on the others.
 
     Args:
         model: the compiled model.
@@ -47,31 +31,33 @@ def equalities(
     Raises:
         InputError: if a constraint has another kind, or its tendon runs through sites, and is not skipped.
     """
-    result = Equalities()
+    joints: list[Joint] = []
+    couplings: list[Coupling] = []
+    remarks: list[str] = []
     off = is_disabled(model, mujoco.mjtDisableBit.mjDSBL_EQUALITY)
     names = {model.joint(j).name for j in range(model.njnt)}
     for i in range(model.neq):
         name, kind, rod = model.equality(i).name, int(model.eq_type[i]), rod_of(model, i)
         if off or not model.eq_active0[i]:
-            result.remarks.append(f"equality {name!r} is not active and was left out")
+            remarks.append(f"equality {name!r} is not active and was left out")
         elif rod or kind in (CONNECT, WELD):
             own = f"{name}_loop" if name in names else name
             joint = _rod_joint(rod, carriers, own) if rod else _closing_joint(model, i, carriers, own)
             if joint is None:
-                result.remarks.append(f"equality {name!r} joins bodies that do not move against each other")
+                remarks.append(f"equality {name!r} joins bodies that do not move against each other")
             else:
-                result.joints.append(joint)
+                joints.append(joint)
         elif skip_others and not is_readable(model, i):
-            result.remarks.append(f"equality {name!r} is neither a joint nor a coupling and was left out")
+            remarks.append(f"equality {name!r} is neither a joint nor a coupling and was left out")
         elif kind in (JOINT, TENDON):
-            result.couplings.append(_coupling(model, i, name))
+            couplings.append(_coupling(model, i, name))
         else:
             what = str(mujoco.mjtEq(kind).name).removeprefix("mjEQ_").lower()
             raise InputError(
                 f"equality {name!r} is of kind {what}, which joins no links; "
                 "connect, weld, joint and tendon are read: leave it out or make it inactive"
             )
-    return result
+    return tuple(joints), tuple(couplings), tuple(remarks)
 
 
 def is_readable(model: mujoco.MjModel, i: int) -> bool:

@@ -154,7 +154,7 @@ def read_model(
     model, start = with_pose_chains(spec, model, start, drivers)
     require_numbers(path, spec, model, start)
     tree = kinematic_tree(model)
-    loops = equalities(model, tree.carriers, skip_others=lint)
+    loops, couplings, omitted = equalities(model, tree.carriers, skip_others=lint)
     points = coordinates.tracked(model, tree.carriers, track)
     locked = _locked(model, start, locks)
     names = coordinates.driven(model, drivers, list(locked), describe_only or lint)
@@ -163,14 +163,14 @@ def read_model(
     mechanism = Mechanism(
         name=spec.modelname or "model",
         links=with_inertias(model, tree, minimum_mass(remarks)),
-        joints=(*tree.joints, *loops.joints),
+        joints=(*tree.joints, *loops),
         driver=names[0] if len(names) == 1 else names,
         points={
             name: (carrier_of[body].link, carrier_of[body].point(position))
             for name, (body, position) in points.items()
         },
         guess=poses(model, tree, start),
-        couplings=tuple(loops.couplings),
+        couplings=couplings,
         locked=locked,
         guess_coordinates=values,
     )
@@ -187,7 +187,7 @@ def read_model(
     frames = {GROUND: IDENTITY, **mechanism.guess}
     offsets = [
         frames[joint.b.link].point(joint.b.point) - frames[joint.a.link].point(joint.a.point)
-        for joint in loops.joints
+        for joint in loops
     ]
     return MjcfModel(
         path=path,
@@ -201,7 +201,7 @@ def read_model(
             for j in state.limited_joints(model).tolist()
         },
         actuators={name: actuated_joints(model, a) for a, name in enumerate(actuator_names(model))},
-        remarks=(*remarks, *loops.remarks),
+        remarks=(*remarks, *omitted),
         forces=forces,
         fixed=fixed,
         left_out=left_out,

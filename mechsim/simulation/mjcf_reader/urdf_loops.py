@@ -19,6 +19,7 @@ from mechsim.simulation.mjcf_reader.file_text import UrdfFile
 from mechsim.simulation.mjcf_reader.urdf_sidecar import JointChanges, read_sidecar
 from mechsim.simulation.mjcf_reader.urdf_tree import Frame, LoopClosure, UrdfTree, child_of
 from mechsim.simulation.mjcf_reader.urdf_unread import unread_elements
+from mechsim.simulation.state import quaternion
 
 # distance in [m] between the two points of a hinge closure along its axis
 HINGE_LENGTH = 0.1
@@ -222,11 +223,9 @@ def _close(spec: mujoco.MjSpec, tree: UrdfTree, closure: LoopClosure) -> None:
         for side, frame in (("a", closure.a), ("b", closure.b)):
             placed = tree.moving(frame)
             body = spec.worldbody if placed.link == urdf_tree.ROOT else spec.body(placed.link)
-            quaternion = np.zeros(4)
-            mujoco.mju_mat2Quat(quaternion, placed.rotation.ravel())
             position = placed.position + placed.rotation @ offset
             sites.append(closure.name if side == "a" and not number else f"{name}@{side}")
-            body.add_site(name=sites[-1], pos=position, quat=quaternion)
+            body.add_site(name=sites[-1], pos=position, quat=quaternion(placed.rotation))
         kind = mujoco.mjtEq.mjEQ_WELD if closure.kind == "weld" else mujoco.mjtEq.mjEQ_CONNECT
         spec.add_equality(
             name=name, type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, name1=sites[0], name2=sites[1]

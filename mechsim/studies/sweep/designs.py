@@ -29,8 +29,6 @@ BYTES_PER_DESIGN = 88.0
 RANGE = "p=a:b:n, as in crank=12mm:15mm:31"
 SPAN = "p=a:b, as in crank=12mm:15mm"
 
-Spread = Literal["grid", "list"]
-
 
 @dataclass(frozen=True)
 class Designs:
@@ -45,7 +43,7 @@ class Designs:
 
     values: Mapping[str, Array]
     units: Mapping[str, str]
-    spread: Spread
+    spread: Literal["grid", "list"]
     description: str
 
     @property
