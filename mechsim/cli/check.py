@@ -87,8 +87,7 @@ def _print(violations: Sequence[Finding], output_format: str, data: dict[str, An
             # editors and grep read one finding per line
             in_terminal = sys.stdout.isatty()
             lines = wrapped(head, "", "  ") if in_terminal else [head]
-            colour = COLOURS[violation.severity]
-            typer.echo("\n".join([in_colour(lines[0], colour), *lines[1:]]))
+            typer.echo("\n".join([in_colour(lines[0], COLOURS[violation.severity]), *lines[1:]]))
             if _remedy(violation):
                 indented = f"    {_remedy(violation)}"
                 typer.echo("\n".join(wrapped(indented, "", "    ")) if in_terminal else indented)

@@ -89,10 +89,9 @@ def export(
     if options.file_format != "toml":  # which contains the motion laws
         source.require_other_drivers()
     extension = {"mjcf-tree": "xml"}.get(options.file_format, options.file_format)
-    path = None if output is None else writable(output, f".{extension}")
     result = export_model(
         model if is_twin else source.load(still=True),
-        path,
+        None if output is None else writable(output, f".{extension}"),
         independent=joint_ranges("--independent", options.independent) if options.independent else (),
         format=options.file_format,
         style=options.style,

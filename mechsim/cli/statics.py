@@ -227,8 +227,7 @@ def _mode_facts(mode: Mode) -> dict[str, Any]:
     """Return a mode as plain data; amplitudes that are in phase or opposed are real numbers."""
     largest = max((abs(value) for value in mode.shape.values()), default=0.0)
     real = all(abs(value.imag) <= REAL * largest for value in mode.shape.values())
-    numbers = files.attributes(mode, "frequency", "damping_ratio", "error")
-    return numbers | {
+    return files.attributes(mode, "frequency", "damping_ratio", "error") | {
         "eigenvalue": [mode.eigenvalue.real, mode.eigenvalue.imag],
         "shape": {
             name: value.real if real else [value.real, value.imag] for name, value in mode.shape.items()
@@ -271,8 +270,7 @@ def modes(
             rows.append((number(mode.frequency), number(damping), _eigenvalue_text(mode), amplitudes))
         state = {True: "stable", False: "unstable", None: "undecided"}[equilibrium.stable]
         state += f", of a family of dimension {equilibrium.dimension}," if equilibrium.dimension else ""
-        position = _position(model.mechanism, equilibrium)
-        title = f"{name}: modes about the {state} equilibrium at {position}"
+        title = f"{name}: modes about the {state} equilibrium at {_position(model.mechanism, equilibrium)}"
         if equilibrium.singular:
             print_text(f"{title}: none, since it can move there in more ways than next to it")
         print_table(title, ("frequency [Hz]", "damping ratio", "s [1/s]", "shape"), rows)

@@ -111,8 +111,7 @@ def _summary(result: Tuned, trial: SceneTrial) -> str:
 
 def _short(text: str) -> str:
     """Return the words of a setting, numbers with few digits."""
-    words = text.split()
-    return " ".join(number(float(word)) if re.match(r"[-\d.]", word) else word for word in words)
+    return " ".join(number(float(word)) if re.match(r"[-\d.]", word) else word for word in text.split())
 
 
 def _row(trial: SceneTrial, result: Tuned) -> tuple[str, str, str]:

@@ -76,8 +76,7 @@ def _contents(source: ModelOptions, release: ReleaseOptions, stated: Stated) -> 
     resting = replace(source, duration=None).load(still=True)
     if release.requested or (moved_by_forces(resting) and not resting.mechanism.drivers):
         release.exclude(stated)
-        model = released_model(source)
-        return release_view(release.release(model, source), release.mode)
+        return release_view(release.release(released_model(source), source), release.mode)
     # a model with drivers of its own, and no request that concerns them, is loaded already
     as_written = resting.source is None and not source.drive and source.duration is None
     solver = resting if as_written and resting.mechanism.drivers else source.load()

@@ -185,8 +185,7 @@ def _srmd(data: Mapping[str, Any], target: str) -> str:
 
     def state(keyword: str, texts: Sequence[str]) -> None:
         for text in texts:
-            entry = ElementTree.SubElement(entries, f"{{{COMMON}}}ClassificationEntry", keyword=keyword)
-            entry.text = text
+            ElementTree.SubElement(entries, f"{{{COMMON}}}ClassificationEntry", keyword=keyword).text = text
 
     state("intended use", [data["intended_use"] or "not stated"])
     for name, row in data["dimensions"].items():

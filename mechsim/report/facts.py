@@ -43,8 +43,7 @@ def facts(solver: KinematicSolver, angle: float | None = None, *, searched: bool
         if not solver.mechanism.has_crank or driven or not determined:
             if not determined or not solver.mechanism.drivers:
                 return record
-            moved = solver if driven else _moved_from_start(solver)
-            return record | assembly_facts(moved, 0.0, searched)
+            return record | assembly_facts(solver if driven else _moved_from_start(solver), 0.0, searched)
     mechanism, start = solver.mechanism, solver.mechanism.start
     try:
         arcs = solver.crank_range()

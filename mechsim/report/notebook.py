@@ -93,9 +93,7 @@ def show(mechanism: Any, motion: Motion | None = None, look: Look | None = None,
         options: of a page, those of `view`; of a film, `frames_per_turn`, `fps`, `size`, fields of `Look`,
             and `exact`, the same motion by the closed form, drawn as a ghost.
     """
-    if motion is not None:
-        return video(mechanism, motion, look, **options)
-    return view(mechanism, **options)
+    return view(mechanism, **options) if motion is None else video(mechanism, motion, look, **options)
 
 
 def view(

@@ -242,8 +242,7 @@ def write_agreement_report(
         "instants": len(agreement.evaluation),
         "joints": [f"{j.name}: {j.kind}, {j.a.link} - {j.b.link}" for j in mechanism.joints],
     }
-    count = len(agreement.candidates)
-    worst_first = sorted(range(count), key=lambda i: -agreement.checks[i].severity)
+    worst_first = sorted(range(len(agreement.candidates)), key=lambda i: -agreement.checks[i].severity)
     section = Section(
         name=agreement.solver.name,
         cause=agreement.findings[0].message if agreement.findings and not agreement.passed else "",

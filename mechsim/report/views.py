@@ -135,8 +135,7 @@ def _ghost(solver: KinematicSolver, speed: float) -> GhostTrack | None:
 
 def _called(solver: KinematicSolver) -> str:
     """Return what an assembly is called: by the parameters that select it."""
-    chosen = [f"{name} {value}" for name, value in solver.selectors.items()]
-    return ", ".join(chosen) or "its assembly"
+    return ", ".join([f"{name} {value}" for name, value in solver.selectors.items()]) or "its assembly"
 
 
 def release_view(release: Release, mode: int | None) -> View:
@@ -187,8 +186,7 @@ def motion_law_grid(solver: KinematicSolver) -> PoseGrid:
     motion = solver.solve(t=times)
     grid = motion_grid("motion laws", solver.mechanism, motion, driver="time", unit="s", nodes=times)
     with suppress(MechsimError):
-        run = stepped(solver, laws.path_profile, SAMPLES // 2)
-        grid = replace(grid, ghost=stepped_ghost(solver, run))
+        grid = replace(grid, ghost=stepped_ghost(solver, stepped(solver, laws.path_profile, SAMPLES // 2)))
     return grid
 
 

@@ -79,8 +79,7 @@ def joint_loads(
     """
     if method == "simulated":
         model = dynamic_model(solver.starting_at(profile.angles))
-        as_driven = driven_as(solver, profile)
-        study = driven(model.mechanism, model.forces, samples=len(motion) - 1, **as_driven)
+        study = driven(model.mechanism, model.forces, samples=len(motion) - 1, **driven_as(solver, profile))
     else:
         instants = (motion.angle, motion.speed, motion.acceleration)
         study = prescribed(dynamic_model(solver), *instants, time=motion.time, as_run=motion)

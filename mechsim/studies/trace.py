@@ -90,8 +90,7 @@ class CurveSearch:
         """Add poses on the branches that leave the branch points of the last curve."""
         curve = self.curves[-1]
         for arc in curve.branch_points:
-            segment = curve.traced.segment_at(arc)
-            coordinates = self.loops.unflat(segment.evaluate(np.array([arc])))
+            coordinates = self.loops.unflat(curve.traced.segment_at(arc).evaluate(np.array([arc])))
             self.add(poses_around_branch_point(self.loops.loops, coordinates), counted=False)
 
     def trace_all(self) -> None:
@@ -185,8 +184,7 @@ def add_group_poses(search: CurveSearch, loops: TreeLoops) -> tuple[list[NDArray
     except InputError as error:
         return [], str(error)
     for arc in np.linspace(0.0, curve.length, GROUP_ANGLES, endpoint=False):
-        segment = curve.traced.segment_at(float(arc))
-        q = curve.loops.unflat(segment.evaluate(np.array([arc])))
+        q = curve.loops.unflat(curve.traced.segment_at(float(arc)).evaluate(np.array([arc])))
         own = link_poses(loops.tree, q).by_link(loops.tree.links)
         poses = {GROUND: IDENTITY} | {name: pose.select(0) for name, pose in own.items()}
         try:
@@ -335,8 +333,7 @@ def _merged_branch_points(curves: tuple[AssemblyCurve, ...]) -> tuple[BranchPoin
     locations: list[list[tuple[int, float]]] = []
     for i, curve in enumerate(curves):
         for arc in curve.branch_points:
-            segment = curve.traced.segment_at(arc)
-            values = segment.features.value_at(arc)
+            values = curve.traced.segment_at(arc).features.value_at(arc)
             same = [k for k, other in enumerate(features) if np.abs(other - values).max() < ON_CURVE]
             if same:
                 locations[same[0]].append((i, arc))

@@ -171,8 +171,7 @@ def draw_curves(
     ax: Axes, x: Array, curves: Mapping[str, Array], quantity: str, unit: str
 ) -> tuple[float, str]:
     """Draw named curves, in degrees or in a readable unit; return the factor and the name of that unit."""
-    every = np.concatenate([*curves.values()])
-    factor, shown = readable(every, unit)
+    factor, shown = readable(np.concatenate([*curves.values()]), unit)
     for i, (name, values) in enumerate(curves.items()):
         style = STYLES[(i + i // len(COLOURS)) % len(STYLES)]
         ax.plot(x, values / factor, color=COLOURS[i % len(COLOURS)], ls=style, label=label_of(name))

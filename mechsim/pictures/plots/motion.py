@@ -52,8 +52,7 @@ def motion_plot(motion: Motion) -> Figure:
             ax.yaxis.set_label_coords(-0.6 * len(names) / width, 0.5)
         axes[0, column].set_title(label_of(name))
         along_axis(axes[2, column], bool(motion.drivers))
-    lines = axes[0, 0].get_lines()
-    figure.legend(handles=lines, ncols=3, loc="outside upper right", handlelength=1.6)
+    figure.legend(handles=axes[0, 0].get_lines(), ncols=3, loc="outside upper right", handlelength=1.6)
     return figure
 
 

@@ -163,8 +163,7 @@ def still(
     source = Source(mechanism, motion, exact, forces, moments)
     drawn = source.drawn(changed(look, options))
     if angle is not None:
-        shown = source.frames([angle])
-        drawn.show(shown, source.ghost([angle], drawn.ghost.by if drawn.ghost else None))
+        drawn.show(source.frames([angle]), source.ghost([angle], drawn.ghost.by if drawn.ghost else None))
     view = drawn.camera.right, drawn.camera.up
     posed = angle is None and drawn.look.overlay == 1
     start = clearest_pose(mechanism, drawn.frames.poses, view) if posed else 0

@@ -41,13 +41,12 @@ def page(view: View, library: str = "") -> str:
     Raises:
         MissingToolError: where jinja2 is not installed.
     """
-    data = json.dumps(_data(view), separators=(",", ":"), allow_nan=False)
     return _template().render(
         title=view.title,
         version=__version__,
         facts=view.facts,
         # no text of a mechanism, in a string or a comment of a script, may end its enclosing element
-        data=data.replace("<", "\\u003c"),
+        data=json.dumps(_data(view), separators=(",", ":"), allow_nan=False).replace("<", "\\u003c"),
         three="" if library else three_js(),
         library=library,
         live=view.live.code.replace("</", "<\\/").replace("<!", "<\\!") if view.live else "",

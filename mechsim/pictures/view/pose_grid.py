@@ -191,8 +191,7 @@ def motion_grid(
     slider = Slider(
         driver, unit, nodes, returns_to_start(mechanism, motion), float(nodes[0]), tuple(landmarks)
     )
-    readouts = (*_readouts(mechanism, motion, speeds), *extra)
-    return PoseGrid(name, slider, position, quaternion, readouts)
+    return PoseGrid(name, slider, position, quaternion, (*_readouts(mechanism, motion, speeds), *extra))
 
 
 def with_resting(grid: PoseGrid, rest: PoseGrid) -> PoseGrid:

@@ -123,8 +123,7 @@ class GapDynamics:
 
 def _stiffest(scene: Inspected) -> tuple[GapDynamics, Loop] | None:
     """Return the gap dynamics at the start, and the stiffest loop; None if no joint changes the loops."""
-    model = scene.loops_only
-    data = data_at(model, scene.read.qpos if scene.closed is None else scene.closed)
+    data = data_at(scene.loops_only, scene.read.qpos if scene.closed is None else scene.closed)
     rows = scene.loop_rows(data)
     jacobian = scene.without_rounding(dense_rows(data)[rows])
     if not jacobian.any():

@@ -86,8 +86,7 @@ def _implausible_size(
 ) -> tuple[float, str, str] | None:
     """Return size, problem and remedy of a mass and moments implausible for the scene's size, else None."""
     radius = float(np.sqrt(moments[2] / mass))
-    length = max(scene.length, offset)
-    if radius > MAX_SPREAD * length:
+    if radius > MAX_SPREAD * max(scene.length, offset):
         return (
             radius,
             f"has a radius of gyration of {radius:.3g} m, in a scene of {scene.length:.3g} m",

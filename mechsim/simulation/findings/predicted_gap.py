@@ -81,8 +81,7 @@ def gaps_in(scene: Inspected, motion: Swing) -> dict[int, float]:
         # acceleration before implicit damping, which the integrator reduces to qacc
         withheld = implicit_damping @ qacc
         commanded = qacc + (np.linalg.solve(mass_matrix(data), withheld) if withheld.any() else 0.0)
-        rows = data.efc_type == EQUALITY
-        jacobian = dense_rows(data)[rows]
+        jacobian = dense_rows(data)[data.efc_type == EQUALITY]
         force = loop_forces(data, commanded, free)
         widest |= _gaps(scene, data, force, jacobian @ (commanded - qacc), widest)
     return widest

@@ -51,8 +51,7 @@ def add_rod(
 
 def lock_joint(spec: mujoco.MjSpec, joint: str, value: float) -> None:
     """Lock a hinge or slide at a value in [m] or [rad] relative to the reference configuration."""
-    made = add_equality(spec, f"hold {joint}", mujoco.mjtEq.mjEQ_JOINT, joint)
-    made.data[:5] = [value, 0.0, 0.0, 0.0, 0.0]
+    add_equality(spec, f"hold {joint}", mujoco.mjtEq.mjEQ_JOINT, joint).data[:5] = [value, 0.0, 0.0, 0.0, 0.0]
 
 
 def lock_joints(spec: mujoco.MjSpec, locks: Mapping[str, float]) -> None:

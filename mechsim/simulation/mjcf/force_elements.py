@@ -49,8 +49,7 @@ class Builder:
 
     def site(self, name: str, end: End) -> str:
         """Add a site with a joint end's frame: x along the reference, z along the axis."""
-        body = self.bodies[end.link]
-        body.add_site(name=name, pos=end.point, quat=quaternion(end.frame))
+        self.bodies[end.link].add_site(name=name, pos=end.point, quat=quaternion(end.frame))
         return name
 
     def point(self, name: str, location: Location) -> str:

@@ -46,8 +46,7 @@ def part_names(mechanism: Mechanism, joint: Joint) -> list[str]:
     """Return the names of the model's joints for a joint, in the order of its coordinates; a ball is last."""
     if mechanism.has_crank and joint.name == mechanism.crank.name:
         return [CRANK]
-    kind = KINDS[joint.kind]
-    return [*joint.coordinates, joint.name] if kind.ball else list(joint.coordinates)
+    return [*joint.coordinates, joint.name] if KINDS[joint.kind].ball else list(joint.coordinates)
 
 
 def model_names(mechanism: Mechanism) -> dict[str, str]:
@@ -154,8 +153,7 @@ def add_joint(
         if axis is None:
             body.add_joint(name=name, type=made, pos=position)
         else:
-            own = _axis_of(branch, local, axis)
-            body.add_joint(name=name, type=made, pos=position, axis=own, ref=value)
+            body.add_joint(name=name, type=made, pos=position, axis=_axis_of(branch, local, axis), ref=value)
 
 
 def _axis_of(branch: Branch, local: Pose, axis: Axis) -> Array:

@@ -118,8 +118,7 @@ def _joint(model: mujoco.MjModel, j: int, parent: Carrier, child: Carrier) -> Jo
         return Joint(name, kind, End(GROUND), End(child.link))
     point = model.jnt_pos[j]
     if joint_kind.ball:
-        axes = (parent.direction(np.array(axis)) for axis in (EZ, EX))
-        a = End(parent.link, parent.point(point), *axes)
+        a = End(parent.link, parent.point(point), *(parent.direction(np.array(axis)) for axis in (EZ, EX)))
         return Joint(name, kind, a, End(child.link, vector(point), EZ, EX))
     b = End(child.link, vector(point), vector(model.jnt_axis[j]))
     axis, reference = np.array(b.axis), np.array(b.reference)

@@ -72,8 +72,7 @@ def _urdf_plus(tree: UrdfTree) -> Iterator[LoopClosure]:
                 raise tree.error(
                     f"loop {loop.get('name')!r} lacks one of predecessor and successor; give both"
                 )
-            link = tree.link_of(side, loop.get("name", ""))
-            frames.append(tree.pose_of(link, side.find("origin")))
+            frames.append(tree.pose_of(tree.link_of(side, loop.get("name", "")), side.find("origin")))
         yield _closure(tree, loop, frames[0], frames[1])
 
 
@@ -168,8 +167,7 @@ def _gazebo(tree: UrdfTree) -> Iterator[LoopClosure]:
         b = b.then(numbers[:3], urdf_tree.rotation_of(numbers[3:]))
         placed = tree.in_root(b)
         frames = [tree.fixed_to(link, placed) for link in (parent, child)]
-        axis = joint.findtext("axis/xyz")
-        yield _closure(tree, joint, frames[0], frames[1], axis)
+        yield _closure(tree, joint, frames[0], frames[1], joint.findtext("axis/xyz"))
 
 
 def _closing_links(tree: UrdfTree) -> Iterator[LoopClosure]:

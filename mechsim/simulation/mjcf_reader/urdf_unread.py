@@ -60,8 +60,7 @@ def _times(lines: list[int]) -> str:
 
 def _loop_joints(tree: UrdfTree) -> Iterator[Finding]:
     """Yield findings on limits, damping and mimics of joints that close loops."""
-    closing = [*tree.second, *tree.root.findall("loop_joint"), *tree.root.findall("gazebo/joint")]
-    for joint in closing:
+    for joint in [*tree.second, *tree.root.findall("loop_joint"), *tree.root.findall("gazebo/joint")]:
         # of the elements of URDF, which has values in attributes, and of SDFormat, which has them in elements
         tags = [name for name in ("limit", "dynamics", "mimic") if _states_values(joint.find(name))]
         tags += [name for name in ("limit", "dynamics") if len(joint.findall(f"axis/{name}/*"))]

@@ -120,8 +120,7 @@ class QuantityReader:
             if len(self.plane) != 2 or len(set(self.plane)) != 2 or self.plane.strip(AXES):
                 raise InputError(f"the plane is {self.plane!r}; give two of the ground's axes, as in 'xy'")
             return self.plane
-        normals = plane_normals(self.mechanism) or {}
-        normal = np.abs(normals.get(GROUND, np.zeros(3)))
+        normal = np.abs((plane_normals(self.mechanism) or {}).get(GROUND, np.zeros(3)))
         if not normal.max() > 1.0 - PARALLEL_TOLERANCE:
             raise InputError(
                 f"{self.who} gives {name!r} by two numbers, but {self.mechanism.name} does not move in a "

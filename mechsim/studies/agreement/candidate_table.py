@@ -72,8 +72,7 @@ def points_of_table(
     own = KinematicSolver(mechanism, forces=solver.forces, motion_laws=through)
     used = [*names.values(), *(name for driver in names for name in _rates(driver) if name in table)]
     used += [time_column] if time_column else []
-    evaluation = _at_times(own, through, time - time[0])
-    return replace(evaluation, time=time if time_column else None), used
+    return replace(_at_times(own, through, time - time[0]), time=time if time_column else None), used
 
 
 def _at_times(solver: KinematicSolver, laws: MotionLaws, time: Array) -> EvaluationPoints:

@@ -300,8 +300,7 @@ def _searched_assemblies(solver: KinematicSolver) -> list[tuple[str, KinematicSo
     own = path.start
     drivers = {name: x for name, x in mechanism.guess_coordinates.items() if name in mechanism.drivers}
     others: list[tuple[str, KinematicSolver]] = []
-    links = [solver.whole_motion([start]).links]
-    for poses in other_assemblies(path, start, solver.ranges, links)[0]:
+    for poses in other_assemblies(path, start, solver.ranges, [solver.whole_motion([start]).links])[0]:
         q = path.loops.read(poses)
         with suppress(MechsimError):
             other = solver.with_mechanism(replace(mechanism, guess=poses, guess_coordinates=drivers))

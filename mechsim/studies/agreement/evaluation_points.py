@@ -209,6 +209,4 @@ def evaluation_points(solver: KinematicSolver, speed: float) -> EvaluationPoints
 def driver_inputs(evaluation: EvaluationPoints) -> Array | Mapping[str, Array]:
     """Return the arguments of a formula: crank angles, or the driver coordinates by name."""
     drivers = {name: state[0] for name, state in evaluation.drivers().items()}
-    if len(drivers) == 1:
-        return next(iter(drivers.values()))
-    return drivers
+    return next(iter(drivers.values())) if len(drivers) == 1 else drivers

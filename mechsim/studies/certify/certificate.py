@@ -48,9 +48,7 @@ MAX_SINGULAR = 20
 
 def instant_text(value: float, unit: str, digits: int) -> str:
     """Return a crank angle in degrees, or a time or coordinate in its unit."""
-    if unit == "rad":
-        return f"{math.degrees(value):.{digits}g} deg"
-    return f"{value:.{digits}g} {unit}"
+    return f"{math.degrees(value):.{digits}g} deg" if unit == "rad" else f"{value:.{digits}g} {unit}"
 
 
 @dataclass(frozen=True)

@@ -111,8 +111,7 @@ class ReducedSceneEvaluator:
             scene: a result of `scene`.
             compare_forces: whether forces are also compared; otherwise they are NaN.
         """
-        evaluator = SceneEvaluator(self.run, closure=False, forces=compare_forces)
-        return evaluator.evaluate(scene).errors
+        return SceneEvaluator(self.run, closure=False, forces=compare_forces).evaluate(scene).errors
 
 
 def time_ratio(full: UserScene, other: UserScene, rounds: int = 3) -> float:

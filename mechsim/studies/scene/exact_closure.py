@@ -66,8 +66,7 @@ class ExactClosure:
         """
         if not self.equations.rows:
             return qpos, np.zeros(len(qpos))
-        system = LoopSystem(self.equations, self.free)
-        result = newton(system, ModelStates(qpos), ASSEMBLY, least_norm)
+        result = newton(LoopSystem(self.equations, self.free), ModelStates(qpos), ASSEMBLY, least_norm)
         return result.q.qpos, result.residual
 
     def points(self, qpos: Array) -> Array:

@@ -39,8 +39,7 @@ def published_run(source: KinematicSolver, profile: CrankProfile) -> PublishedRu
         source: mechanism read from the file.
         profile: motion of the crank, used without motion laws.
     """
-    model = plainly_compiled(source.source.spec.copy())
-    own = settings_of(model).as_dict()
+    own = settings_of(plainly_compiled(source.source.spec.copy())).as_dict()
     settings = {name: own[name] for name in ("timestep", *SHOWN) if name in own}
     result = PublishedRun(path=source.source.path, settings=settings)
     steps = profile.duration / float(settings["timestep"])

@@ -120,8 +120,7 @@ def swept_task(
     if design is not None and (vary or sample is not None):
         raise InputError("both designs and ranges are given; give only one")
     if isinstance(design, str):
-        declared = designs.declared_units(subject.design_family)
-        swept = designs.read_designs(design, name, parameters, declared)
+        swept = designs.read_designs(design, name, parameters, designs.declared_units(subject.design_family))
     elif design is not None:
         swept = designs.listed_designs(design, name, parameters, "list of designs")
     elif sample is None:
