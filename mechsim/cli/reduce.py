@@ -10,7 +10,7 @@ from mechsim.cli.exit_codes import notes
 from mechsim.cli.options import ControlOptions, DriveOptions
 from mechsim.cli.output import number, print_table, print_text
 from mechsim.cli.progress import progress
-from mechsim.studies.reduction.search import Reduction
+from mechsim.studies.reduction.search import ReducedModel
 from mechsim.studies.reduction.search import reduce as reduce_model
 from mechsim.studies.scene.open_scene import require_mjcf
 from mechsim.units import option
@@ -49,14 +49,11 @@ def reduce(
         )
     notes.extend(result.notes)
     data: dict[str, Any] = {**result.as_dict(), "output": output}
-
-    def text() -> None:
-        _print(result.reduction, model, result.tolerance, result.unit)
-
-    return Result(data, text, result.reached, [output])
+    return Result(data, lambda: _print(result, model), result.reached, [output])
 
 
-def _print(result: Reduction, model: str, tolerance: float, unit: str) -> None:
+def _print(reduced: ReducedModel, model: str) -> None:
+    result, unit = reduced.reduction, reduced.unit
     rows = [(element.candidate.what, number(element.error, 2)) for element in result.left_out]
     print_table(f"{model}: what was removed, one after another", ("removed", f"error [{unit}]"), rows)
     for what in result.undone:
@@ -64,7 +61,7 @@ def _print(result: Reduction, model: str, tolerance: float, unit: str) -> None:
     for motion, errors in zip(("its motion", "a second motion"), result.errors, strict=True):
         print_text(
             f"over {motion}: within {number(errors.by(result.by), 2)} {unit} of the full scene (tolerance "
-            f"{number(tolerance, 3)} {unit}); efforts within {number(errors.torque, 2)}"
+            f"{number(reduced.tolerance, 3)} {unit}); efforts within {number(errors.torque, 2)}"
         )
     print_text(
         f"{number(result.speedup, 3)} times as fast: {number(1e3 * result.time / result.speedup, 3)} instead "
