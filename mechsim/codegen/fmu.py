@@ -227,8 +227,7 @@ def _root(model: FmuModel, standard: Standard) -> ElementTree.Element:
         powers = zip(("kg", "m", "s", "rad"), unit_powers(name.replace(".", " ")), strict=True)
         exponents = {base: f"{power:g}" for base, power in powers if power}
         ElementTree.SubElement(ElementTree.SubElement(units, "Unit", name=name), "BaseUnit", exponents)
-    categories = ElementTree.SubElement(root, "LogCategories")
-    ElementTree.SubElement(categories, "Category", name="logStatusError")
+    ElementTree.SubElement(ElementTree.SubElement(root, "LogCategories"), "Category", name="logStatusError")
     ElementTree.SubElement(root, "DefaultExperiment", startTime="0.0", stopTime=repr(model.duration))
     return root
 

@@ -119,10 +119,9 @@ def _holds(designs: DesignFamily, nominal: Mechanism, vectors: Vectors, name: st
             return False
         if (structure(design), design.links) != (structure(nominal), nominal.links):
             return False
-        length = nominal.characteristic_length
         if not all(
             np.abs(formed[key] - numbers).max() <= ROUNDING
-            for key, numbers in _scaled(design, length).items()
+            for key, numbers in _scaled(design, nominal.characteristic_length).items()
         ):
             return False
     return True

@@ -130,8 +130,7 @@ def split_joints(
             placed[between.name] = Pose(start_b, frame_a)
             names, first = (".way", ".turn"), "prismatic"
         else:
-            kind = KINDS[joint.kind]
-            angle = coordinates(kind, start_b - start_a, frame_a, frame_b, joint.cross_angle)[:1]
+            angle = coordinates(KINDS[joint.kind], start_b - start_a, frame_a, frame_b, joint.cross_angle)[:1]
             placed[between.name] = Pose(start_a, frame_a @ displaced(KINDS["revolute"], [*angle], 0.0)[1])
             x, _, z = crossed_at_zero(joint.cross_angle).T
             second = End(between.name, ORIGIN, vector(z), vector(x))

@@ -107,8 +107,7 @@ def _exact(rows: Array, right: Array, best: Any) -> tuple[NDArray[np.intp], Arra
     """Return the active points of a linear programme and its solution from them alone."""
     x: Array = best.x
     duals: Array = np.abs(best.ineqlin.marginals)
-    n = len(rows)
-    active = np.unique(np.argsort(-duals)[:4] % n)
+    active = np.unique(np.argsort(-duals)[:4] % len(rows))
     error = right - rows @ x[:3]
     if len(active) == 4:
         square = np.column_stack([rows[active], np.sign(error[active])])

@@ -36,8 +36,7 @@ def draw_contacts(canvas: Canvas) -> None:
         if isinstance(contact.shape, Cam):
             end = canvas.mechanism.joint(name).a
             axis = canvas.normals[contact.carrier] if canvas.normals else np.asarray(end.axis)
-            cam = plate_of(points[:-1], 0.5 * canvas.r * axis, pale(colour))
-            canvas.out[contact.carrier].append(cam)
+            canvas.out[contact.carrier].append(plate_of(points[:-1], 0.5 * canvas.r * axis, pale(colour)))
         for frm, to in pairwise(points):
             canvas.add(contact.carrier, "capsule", frm, to, 0.6 * canvas.r, colour)
         end = canvas.mechanism.joint(contact.force_joint).b

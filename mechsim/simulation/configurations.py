@@ -214,8 +214,7 @@ def swept(mechanism: Mechanism) -> dict[str, Pose]:
     loops, start = initial_guess(mechanism, Scene(level="pose"))
     forward = _states(loops, start, 2.0 * np.pi / STEPS)
     states = forward if len(forward) >= STEPS else forward + _states(loops, start, -2.0 * np.pi / STEPS)
-    states_array = np.array(states or [loops.model.qpos0])
-    return {GROUND: IDENTITY, **link_poses(mechanism, loops, states_array)}
+    return {GROUND: IDENTITY, **link_poses(mechanism, loops, np.array(states or [loops.model.qpos0]))}
 
 
 def _states(loops: ModelLoops, start: Array, step: float) -> list[Array]:

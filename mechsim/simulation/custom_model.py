@@ -41,8 +41,7 @@ def from_file(read: MjcfModel, drivers: Sequence[str] | str | None = None) -> Cl
         start = move_drivers(loops, initial_qpos, targets, "where joints are held")
         start = np.delete(start, loops.crank_address)
         lock_joints(spec, locked)
-    points = tuple(read.mechanism.points)
-    return replace(from_spec(spec, points, drivers, start=start), custom=True)
+    return replace(from_spec(spec, tuple(read.mechanism.points), drivers, start=start), custom=True)
 
 
 def from_spec(

@@ -174,8 +174,7 @@ def _evaluated(loops: ModelLoops, track: Track, states: States, source: Source) 
     sims.bind("qvel")[:] = states.qvel
     if states.force is not None:
         sims.bind("qfrc_applied")[:, actuated_dofs(loops)] = states.force.reshape(n, -1)
-    names = ("xpos", "xmat", "site_xpos", "sensordata", "qacc")
-    fields = {name: sims.bind(name) for name in names}
+    fields = {name: sims.bind(name) for name in ("xpos", "xmat", "site_xpos", "sensordata", "qacc")}
     sims.forward()
     links, points = link_motions(model, track, fields), point_motions(model, track, fields)
     qacc = fields["qacc"].copy()
@@ -299,8 +298,7 @@ def closure_acceleration(
     """Return the second time derivative of the constraint residuals at given accelerations, (n, m)."""
     model = loops.model
     rates = list[Array]()
-    world = resting(len(qacc))
-    motions = {model.body(name).id: link for name, link in links.items()} | {0: world}
+    motions = {model.body(name).id: link for name, link in links.items()} | {0: resting(len(qacc))}
     for pair in (*loops.pairs, *loops.rods):
         a, b = (point_rates(motions[body], local) for body, local in pair.ends)
         gap, speed, acceleration = (first - second for first, second in zip(a, b, strict=True))

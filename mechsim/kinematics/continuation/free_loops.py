@@ -282,8 +282,7 @@ class FreeLoops:
 
     def close(self, solver: TreeSolver, guess: Coordinates) -> CorrectedNodes | None:
         """Return a guess corrected perpendicular to the curve; None where Newton's method fails."""
-        reference = solver.reference.repeated(len(guess))
-        length = self.loops.along(guess, reference, solver.null_space)[0][:, 0]
+        length = self.loops.along(guess, solver.reference.repeated(len(guess)), solver.null_space)[0][:, 0]
         try:
             result = newton(PlacedNodes(solver, self.rank, length), guess, CORRECTOR)
         except np.linalg.LinAlgError:

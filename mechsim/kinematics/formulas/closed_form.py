@@ -299,8 +299,7 @@ class ClosedForm(ABC):
         Accuracy: loops close to 8 ulp of the longest link. Rates are exact derivatives of the formula of
             the pose; their relative error is a few ulp divided by the sine of the transmission angle.
         """
-        crank = Jet(*crank_motion(self.name, parameter, rate, second))
-        motion = self._in_chunks(crank, links=links)
+        motion = self._in_chunks(Jet(*crank_motion(self.name, parameter, rate, second)), links=links)
         self.check_finite(motion)
         return motion
 

@@ -153,16 +153,14 @@ def solved(
     crank, rate, second = (np.tile(row, designs) if row.ndim == 1 else row.ravel() for row in wide_rows)
     wide = many(formula, varied, angles.shape[-1])
     angle = Jet(crank, rate, second) if rates else crank
-    motion = wide.motion_at(angle, links=links, joints=joints)
-    return replace(motion, speed=rate, acceleration=second)
+    return replace(wide.motion_at(angle, links=links, joints=joints), speed=rate, acceleration=second)
 
 
 def transmissions(formula: ClosedForm, varied: Mapping[str, Array], motion: Motion) -> Array:
     """Return the transmission angles of designs in a motion of `solved`, (n p,) in [rad]."""
     designs = len(next(iter(varied.values())))
     points = {name: point.position for name, point in motion.points.items()}
-    wide = many(formula, varied, len(motion.angle) // designs)
-    result = wide.transmission_at(motion.angle, points)
+    result = many(formula, varied, len(motion.angle) // designs).transmission_at(motion.angle, points)
     assert result is not None  # a measure that no formula defines is rejected before
     return result
 

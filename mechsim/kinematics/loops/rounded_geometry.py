@@ -190,8 +190,7 @@ def _offsets(
         change = change + correction.reshape(change.shape) * limits
         if not (np.abs(change) < limits).all():
             return None
-        trial = with_moved_sides(mechanism, change)
-        loops = _loops_and_guess(trial)[0]
+        loops = _loops_and_guess(with_moved_sides(mechanism, change))[0]
         q = nearest_consistent(loops, q, tolerance, tolerance)
         if not _inconsistent(loops, q, tolerance):
             return change
@@ -283,8 +282,7 @@ def _least_gap(mechanism: Mechanism) -> str:
         gap = max(
             (cut.length * float(np.linalg.norm(residual[rows])) for cut, rows in loops.gap_rows), default=0.0
         )
-        unit = mechanism.unit(name)
-        return f"; least gap {gap:.2g} m at {name} = {q.values[index, 0]:.3g} {unit}"
+        return f"; least gap {gap:.2g} m at {name} = {q.values[index, 0]:.3g} {mechanism.unit(name)}"
     return ""
 
 

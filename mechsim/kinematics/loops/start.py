@@ -187,8 +187,7 @@ def poses_around_branch_point(loops: TreeLoops, q: Coordinates) -> Coordinates:
     null_space = right[int(significant(values, BRANCH_CUTOFF).sum()) :]
     if not len(null_space):
         return q.select(np.zeros(len(q), dtype=np.bool_))
-    draw = np.random.default_rng(0)
-    directions = draw.normal(size=(DIRECTIONS, len(null_space))) @ null_space
+    directions = np.random.default_rng(0).normal(size=(DIRECTIONS, len(null_space))) @ null_space
     step = np.zeros((loops.tree.count, DIRECTIONS))
     step[loops.unknown] = (BRANCH_DISTANCE * directions / np.linalg.norm(directions, axis=1)[:, None]).T
     return all_closed(loops, loops.displaced(q.repeated(DIRECTIONS), step))
@@ -429,8 +428,7 @@ def _poses_about_guess(mechanism: Mechanism) -> dict[str, Pose]:
 
     A chain of joints alone can place a leg anywhere, not towards the plate that it carries.
     """
-    framed = _with_guess_on_frame(mechanism)
-    loops, initial = tree_loops(framed)
+    loops, initial = tree_loops(_with_guess_on_frame(mechanism))
     result = _approached(loops, disturbed(loops, initial))
     # the least disturbed start among those that close as well as any
     best = int(np.argmax(result.residual < NEARLY_CLOSED + result.residual.min()))
@@ -599,8 +597,7 @@ def start_poses(mechanism: Mechanism) -> tuple[dict[str, Pose], dict[str, float]
 def _poses_and_values(loops: TreeLoops, q: Coordinates) -> tuple[dict[str, Pose], dict[str, float]]:
     """Return the poses of the moving links, and the values of all coordinates in [m] or [rad]."""
     tree = loops.tree
-    tree_poses = link_poses(tree, q)
-    poses = {name: pose.select(0) for name, pose in tree_poses.by_link(tree.links).items()}
+    poses = {name: pose.select(0) for name, pose in link_poses(tree, q).by_link(tree.links).items()}
     everywhere = {GROUND: IDENTITY, **poses}
     values: dict[str, float] = {}
     for joint in tree.original.joints:

@@ -181,8 +181,7 @@ class SpanningTree:
     @cached_property
     def closed_parameters(self) -> dict[str, float]:
         """Parameter of each closed curve -> its period, after which the pose is the same."""
-        contacts = self.original.contacts.values()
-        return {each.coordinate: each.period for each in contacts if each.period}
+        return {each.coordinate: each.period for each in self.original.contacts.values() if each.period}
 
     @cached_property
     def index(self) -> dict[str, int]:

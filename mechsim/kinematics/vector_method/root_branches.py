@@ -130,8 +130,7 @@ def _over(coefficients: Coefficients, arc: tuple[float, float], full: bool, sign
 def _sheet(
     chain: list[tuple[int, int]], closed: bool, nodes: Array, columns: list[Array], ends: list[float]
 ) -> Sheet:
-    index = np.array([i for i, _ in chain])
-    angles = np.unwrap(nodes[index])
+    angles = np.unwrap(nodes[np.array([i for i, _ in chain])])
     roots: Array = np.unwrap(np.array([columns[i][j] for i, j in chain])).astype(np.float64)
     if closed:
         turns = max(1, round((angles[-1] - angles[0]) / REVOLUTION))
