@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from typing import ClassVar, NamedTuple
 
 from mechsim.errors import InputError
-from mechsim.kinematics.mobility_count import Pairs, planar_pairs, plane_normal, rigid
+from mechsim.kinematics.mobility_count import Pairs, pinned, planar_pairs, plane_normal, rigid
 from mechsim.mechanism.links import GROUND
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.numerics.graphs import components, matching, ordered_blocks, reachable
@@ -164,6 +164,7 @@ def assur_groups(mechanism: Mechanism) -> Decomposition:
     Source: Assur 1914; classes after Artobolevskii, Theory of Mechanisms; the exchange of drivers in
     Koshel and Koshel.
     """
+    mechanism = pinned(mechanism)
     if plane_normal(mechanism) is None:
         raise InputError(
             f"{mechanism.name} is not planar, and Assur groups are those of planar chains; "

@@ -8,7 +8,7 @@ import numpy as np
 
 from mechsim.errors import InputError
 from mechsim.kinematics.assur import AssurGroup, Decomposition, assur_groups, inner_drivers_locked
-from mechsim.kinematics.mobility_count import Pairs, planar_pairs, plane_normal, rigid
+from mechsim.kinematics.mobility_count import Pairs, pinned, planar_pairs, plane_normal, rigid
 from mechsim.kinematics.vector_method.triad import triad_modes
 from mechsim.mechanism.links import GROUND, Pose
 from mechsim.mechanism.mechanism import Mechanism
@@ -174,7 +174,8 @@ def group_chain(mechanism: Mechanism) -> GroupChain:
     Raises:
         InputError: if the mechanism is spatial, or its groups are undetermined.
     """
-    mechanism, normal = inner_drivers_locked(mechanism), plane_normal(mechanism)
+    mechanism = inner_drivers_locked(pinned(mechanism))
+    normal = plane_normal(mechanism)
     if mechanism.contacts:
         raise UnsolvedGroupError("a curve or cam belongs to no Assur group")
     if mechanism.couplings:

@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from mechsim.mechanism.joint_kinds import KINDS
 from mechsim.mechanism.joints import End, Joint
 from mechsim.mechanism.links import GROUND
 from mechsim.mechanism.mechanism import Mechanism
-from mechsim.mechanism.motion_plane import PARALLEL_TOLERANCE, plane_normals
+from mechsim.mechanism.motion_plane import PARALLEL_TOLERANCE, hinged_normals, plane_normals
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.graphs import components
 
@@ -30,6 +30,22 @@ def plane_normal(mechanism: Mechanism) -> Array | None:
     """
     normals = plane_normals(mechanism)
     return None if normals is None else normals[GROUND]
+
+
+def pinned(mechanism: Mechanism) -> Mechanism:
+    """Return a mechanism with revolute joints for the spherical joints of links that hinges keep in a plane.
+
+    Within the plane both keep two points together. Others are returned as they are.
+    """
+    normals, pins = hinged_normals(mechanism), list[Joint]()
+    if normals is None or all(not KINDS[joint.kind].ball for joint in mechanism.joints):
+        return mechanism
+    for joint in mechanism.joints:
+        if KINDS[joint.kind].ball and not KINDS[joint.kind].slides:
+            a, b = (End(end.link, end.point, normals[end.link]) for end in (joint.a, joint.b))
+            joint = replace(joint, kind="revolute", a=a, b=b)
+        pins.append(joint)
+    return replace(mechanism, joints=tuple(pins))
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,7 +123,8 @@ class Mobility:
         links: number of moving links.
         joints: (constraints of a joint, number of such joints), decreasing.
         gears: number of gears, each of which removes one degree of freedom.
-        planar: whether the mechanism is planar, so that Grübler's count applies.
+        in_plane: (constraints of a joint in the plane, number of such joints) of a planar mechanism, whose
+            spherical joints are pins; None in space.
         redundant: number of redundant constraints in space.
         crank_moves: whether the crank can move.
         first_order: whether the mechanism can move to first order, but closes on neither side of its pose.
@@ -119,7 +136,7 @@ class Mobility:
     links: int
     joints: tuple[tuple[int, int], ...]
     gears: int
-    planar: bool
+    in_plane: tuple[tuple[int, int], ...] | None
     redundant: int
     crank_moves: bool
     first_order: bool
@@ -138,11 +155,9 @@ class Mobility:
         A joint without a degree of freedom in the plane removes three, one that does not constrain the plane
         none.
         """
-        if not self.planar:
+        if self.in_plane is None:
             return None
-        return (
-            3 * self.links - sum((constraints - 3) * count for constraints, count in self.joints) - self.gears
-        )
+        return 3 * self.links - sum(constraints * count for constraints, count in self.in_plane) - self.gears
 
     @property
     def redundant_in_plane(self) -> int:
@@ -152,29 +167,28 @@ class Mobility:
     def lines(self) -> list[str]:
         """Return the mobility in words: the result, then each count, then the explanation."""
         gears = f" - {self.gears}" if self.gears else ""
-        constraints = "".join(f" - {constraints}*{count}" for constraints, count in self.joints)
+        space, plane = (
+            "".join(f" - {constraints}*{count}" for constraints, count in joints or ())
+            for joints in (self.joints, self.in_plane)
+        )
         lines = [
             f"W = {self.actual} by the rank of the loop Jacobian",
-            f"Somov-Malyshev (space): W = 6*{self.links}{constraints}{gears} = {self.somov_malyshev}",
+            f"Somov-Malyshev (space): W = 6*{self.links}{space}{gears} = {self.somov_malyshev}",
         ]
         if self.grubler is not None:
-            constraints = "".join(
-                f" - {constraints - 3}*{count}" for constraints, count in self.joints if constraints > 3
-            )
-            lines.append(f"Grübler (plane): W = 3*{self.links}{constraints}{gears} = {self.grubler}")
+            lines.append(f"Grübler (plane): W = 3*{self.links}{plane}{gears} = {self.grubler}")
         return lines + self._explanation()
 
     def _explanation(self) -> list[str]:
         lines: list[str] = []
         out_of_plane = self.redundant - self.redundant_in_plane
         if out_of_plane:
-            loops = out_of_plane // 3
-            lines.append(
-                f"{several(out_of_plane, 'redundant constraint')} in space: three for "
-                + ("the planar loop" if loops == 1 else f"each of {loops} planar loops")
-            )
+            loops = sum(count for _, count in self.joints) - self.links
+            each = "three for " + ("the planar loop" if loops == 1 else f"each of {loops} planar loops")
+            reason = each if out_of_plane == 3 * loops else "its loops are planar"
+            lines.append(f"{several(out_of_plane, 'redundant constraint')} in space: {reason}")
         if self.redundant_in_plane:
-            where = " within the plane" if self.planar else ""
+            where = "" if self.in_plane is None else " within the plane"
             count = several(self.redundant_in_plane, "redundant constraint")
             lines.append(f"{count}{where}: it moves because of its special dimensions")
         lines += [
@@ -191,6 +205,13 @@ class Mobility:
 
     def __str__(self) -> str:
         return "; ".join(self.lines())
+
+
+def _constraints(mechanism: Mechanism, out_of_plane: int = 0) -> tuple[tuple[int, int], ...]:
+    """Return (constraints of a joint, number of such joints), decreasing, without those out of the plane."""
+    kinds = [KINDS[joint.kind] for joint in mechanism.joints]
+    count = Counter(kind.forces + kind.moments - out_of_plane for kind in kinds)
+    return tuple(sorted(((own, number) for own, number in count.items() if own > 0), reverse=True))
 
 
 def mobility(mechanism: Mechanism) -> Mobility:
@@ -221,13 +242,14 @@ def mobility(mechanism: Mechanism) -> Mobility:
     crank_moves = best.mobility > best.passive
     solver = solver_at_generic_pose(mechanism)[0]
     undetermined = tuple(undetermined_names(solver))
-    constraints = Counter(KINDS[joint.kind].forces + KINDS[joint.kind].moments for joint in mechanism.joints)
+    flat = pinned(mechanism)
+    in_plane = None if plane_normal(flat) is None else _constraints(flat, 3)
     return Mobility(
         actual=best.mobility,
         links=len(mechanism.links),
-        joints=tuple(sorted(constraints.items(), reverse=True)),
+        joints=_constraints(mechanism),
         gears=len(mechanism.laws),
-        planar=plane_normal(mechanism) is not None,
+        in_plane=in_plane,
         redundant=best.redundant,
         crank_moves=crank_moves,
         first_order=crank_moves and len(stands) == 1,

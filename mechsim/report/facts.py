@@ -57,7 +57,7 @@ def facts(solver: KinematicSolver, angle: float | None = None, *, searched: bool
     groups: Sequence[AssurGroup] = ()
     explained: list[str] = []
     # racks and polynomial couplings belong to no Assur group
-    if count.planar and not mechanism.couplings:
+    if count.in_plane and not mechanism.couplings:
         try:
             apart = assur_groups(mechanism)
             groups, explained = apart.groups, apart.lines()

@@ -380,14 +380,15 @@ def straight_path(
             "the model starts in a singular configuration, where assemblies meet; start away from it with "
             "--start JOINT=VALUE"
         )
-    order, sizes = pivot_columns(jacobian[:, others] * weights[others])
+    order, pivots = pivot_columns(jacobian[:, others] * weights[others])
+    # a pivot has the weight of its column
+    passive, sizes = np.sort(others[order[:rank]]), pivots / weights[others[order[: len(pivots)]]]
     if int((sizes > ROUNDED_RANK * sizes.max(initial=0.0)).sum()) < rank:
         names = ", ".join(model.joint(int(model.dof_jntid[dof])).name for dof in drivers or [])
         raise InputError(
             f"{names} cannot move independently where the model starts: the loops couple them, or the "
             "configuration is singular; give fewer joints, or another start"
         )
-    passive = np.sort(others[order[:rank]])
     if drivers is None:
         influence = _influence(loops, closed, None if fix_base else probes).max(0)
         in_loops = model.dof_jntid[influence > ROUNDED_ERROR * influence.max(initial=0.0)]

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from mechsim.errors import AssemblyError, InputError
 from mechsim.io.readers import load
 from mechsim.kinematics.group_assemblies import group_assemblies
-from mechsim.kinematics.loops.assemblies import other_assemblies, tracked_positions
+from mechsim.kinematics.loops.assemblies import located, other_assemblies
 from mechsim.kinematics.loops.motion import driven_path
 from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.mechanism.links import GROUND, IDENTITY, Pose
@@ -27,7 +27,7 @@ class Assemblies:
         angle: crank angle in [rad], or path parameter.
         selectors: parameters that select each assembly, such as branch; empty without any.
         points: tracked point -> position, (3,) in [m], of each assembly; the mechanism's own is the first.
-            Without tracked points, joints between moving links locate the assemblies.
+            Where tracked points do not distinguish the assemblies, joints between moving links do.
         complete: whether there are no others, by the formula or by Assur groups; otherwise random starts
             found them.
         reason: why the list is complete, or why it need not be.
@@ -75,7 +75,8 @@ def assemblies(model: "Model", angle: float, *, searched: bool = True) -> Assemb
     listed, moving = all_assembly_points(solver, angle, groups.poses)
     families = (*groups.families, *moving)
     reason = "every pose" if groups.complete else f"the first {len(groups.poses)} of more poses"
-    return _assemblies_of(angle, listed, groups.complete, f"{reason} of its Assur groups", families)
+    limited = " within the joint limits" if solver.ranges else ""
+    return _assemblies_of(angle, listed, groups.complete, f"{reason} of its Assur groups{limited}", families)
 
 
 def all_assembly_points(
@@ -88,14 +89,11 @@ def all_assembly_points(
         angle: in [rad].
         candidates: link -> pose of every assembly; None searches from random starts.
     """
-    own = solver.assembly_points(angle)
-    motions = [solver.whole_motion([angle])] if own else []
+    motions = [solver.whole_motion([angle])] if solver.assembly_points(angle) else []
     path = driven_path(solver.mechanism, solver.motion_laws, solver.change_point)
     links = [motion.links for motion in motions]
     others, families = other_assemblies(path, angle, solver.ranges, links, candidates)
-    if not solver.mechanism.points:
-        own = [({}, tracked_positions(path, _first_poses(motion))) for motion in motions]
-    return own + [({}, tracked_positions(path, poses)) for poses in others], families
+    return [({}, points) for points in located(path, [*map(_first_poses, motions), *others])], families
 
 
 def _first_poses(motion: Motion) -> dict[str, Pose]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 
@@ -151,8 +152,21 @@ def _points(compared: Sequence[tuple[str, Vector]], links: Mapping[str, Pose]) -
     return np.array([links[link].point(local) for link, local in compared])
 
 
-def tracked_positions(path: LoopPath, poses: Mapping[str, Pose]) -> dict[str, Array]:
-    """Return the tracked points of moving links, or else the joints between them, (3,) in [m]."""
+def located(path: LoopPath, assemblies: Sequence[Mapping[str, Pose]]) -> list[dict[str, Array]]:
+    """Return the tracked points of moving links in each assembly, (3,) in [m].
+
+    Without tracked points, or if these do not distinguish the assemblies, joints between moving links do.
+    """
     mechanism = path.loops.tree.original
-    points = mechanism.points or {joint.name: (joint.a.link, joint.a.point) for joint in mechanism.joints}
-    return {name: poses[link].point(local) for name, (link, local) in points.items() if link != GROUND}
+    joints = {joint.name: (joint.a.link, joint.a.point) for joint in mechanism.joints}
+    choices: list[list[dict[str, Array]]] = []
+    for points in filter(None, (mechanism.points, joints)):
+        moving = {name: point for name, point in points.items() if point[0] != GROUND}
+        choices.append(
+            [{name: own[link].point(x) for name, (link, x) in moving.items()} for own in assemblies]
+        )
+        pairs = combinations([np.array([*positions.values()]) for positions in choices[-1]], 2)
+        apart = SAME_ASSEMBLY * mechanism.characteristic_length
+        if all(np.abs(a - b).max(initial=0.0) > apart for a, b in pairs):
+            return choices[-1]
+    return choices[0]

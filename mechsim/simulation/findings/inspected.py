@@ -228,7 +228,13 @@ class Inspected:
     @cached_property
     def generic(self) -> tuple[Array, Array]:
         """The sample Jacobian of the loops with the highest rank, (m, nv), and the loop of each row, (m,)."""
-        return max(self.sample_jacobians, key=lambda item: loop_rank(item[0]))
+        return self.sample_jacobians[self.regular[0]]
+
+    @cached_property
+    def regular(self) -> list[int]:
+        """The numbers of the sample states in which the loops have their highest rank; 0 is the start."""
+        ranks = [loop_rank(jacobian) for jacobian, _ in self.sample_jacobians]
+        return [number for number, own in enumerate(ranks) if own == max(ranks)]
 
 
 def loop_rank(matrix: Array) -> int:

@@ -38,13 +38,13 @@ def violations(read: MjcfModel) -> list[Finding]:
     with quiet():
         scene, path = Inspected(read), None
         with suppress(MechsimError, FloatingPointError, np.linalg.LinAlgError):  # no loops, or open ones
-            path = straight_path(scene.model, None, read.qpos if scene.closed is None else scene.closed)
+            path = straight_path(scene.model, None, scene.sample_states[scene.regular[0]])
         reported = list(findings_in(scene))
         if path is not None:
             fighting = {finding.object for finding in reported if finding.kind == "actuator"}
             reported += [each for each in _passive_actuators(scene, path) if each.object not in fighting]
             reported += [*_passive_limits(path), *_loop_joints(path)]
-        reported += [*_unchecked(scene), *read.unread]
+        reported += [*_singular_start(scene), *_unchecked(scene), *read.unread]
     return [
         replace(finding, file=finding.file or read.path)
         for finding in by_severity(*sorted(map(with_severity, reported), key=lambda finding: finding.rule))
@@ -55,6 +55,15 @@ def unreadable(path: str, reason: str) -> Finding:
     """Return the finding on a file that cannot be read, one of several."""
     message = reason.removeprefix(f"{path}: ")
     return with_severity(Finding(kind="unreadable", object=path, value=1.0, message=message, file=path))
+
+
+def _singular_start(scene: Inspected) -> Iterator[Finding]:
+    """Yield a finding where the loops have a lower rank at the start than nearby."""
+    if 0 not in scene.regular:
+        own, near = (loop_rank(scene.sample_jacobians[i][0]) for i in (0, scene.regular[0]))
+        message = f"the start is singular: the equations of the loops have rank {own} there, {near} nearby"
+        remedy = "start away from it, by a keyframe or the poses of the bodies"
+        yield Finding(kind="singular-start", object="loops", value=near - own, message=message, remedy=remedy)
 
 
 def _passive_actuators(scene: Inspected, path: StraightPath) -> Iterator[Finding]:
@@ -75,12 +84,12 @@ def _passive_actuators(scene: Inspected, path: StraightPath) -> Iterator[Finding
 
 
 def _determined(scene: Inspected, dof: int, actuated: set[int]) -> bool:
-    """Return whether the loops and the other actuated DOFs determine a DOF in every sample state."""
+    """Return whether the loops and the other actuated DOFs determine a DOF in every regular sample state."""
     unit = np.eye(scene.model.nv)
     others = unit[sorted(actuated - {dof})]
     return all(
         loop_rank(np.vstack([jacobian, others, unit[dof]])) == loop_rank(np.vstack([jacobian, others]))
-        for jacobian, _ in scene.sample_jacobians
+        for jacobian in (scene.sample_jacobians[number][0] for number in scene.regular)
     )
 
 
