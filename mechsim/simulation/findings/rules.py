@@ -63,7 +63,9 @@ def _singular_start(scene: Inspected) -> Iterator[Finding]:
         own, regular = (loop_rank(scene.sample_jacobians[i][0]) for i in (0, scene.regular[0]))
         message = f"the start is singular: the equations of the loops have rank {own} there, {regular} nearby"
         remedy = "start away from it, by a keyframe or the poses of the bodies"
-        yield Finding(kind="singular-start", object="loops", value=regular - own, message=message, remedy=remedy)
+        yield Finding(
+            kind="singular-start", object="loops", value=regular - own, message=message, remedy=remedy
+        )
 
 
 def _passive_actuators(scene: Inspected, path: StraightPath) -> Iterator[Finding]:
