@@ -11,7 +11,7 @@ from mechsim.kinematics.loops.mobility import dof_count, solver_at_generic_pose,
 from mechsim.kinematics.loops.motion import assemble, spinning_links
 from mechsim.mechanism.joint_kinds import KINDS
 from mechsim.mechanism.joints import End, Joint
-from mechsim.mechanism.links import GROUND
+from mechsim.mechanism.links import GROUND, vector
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.motion_plane import PARALLEL_TOLERANCE, hinged_normals, plane_normals
 from mechsim.numerics.arrays import Array
@@ -42,7 +42,7 @@ def pinned(mechanism: Mechanism) -> Mechanism:
         return mechanism
     for joint in mechanism.joints:
         if KINDS[joint.kind].ball and not KINDS[joint.kind].slides:
-            a, b = (End(end.link, end.point, normals[end.link]) for end in (joint.a, joint.b))
+            a, b = (End(end.link, end.point, vector(normals[end.link])) for end in (joint.a, joint.b))
             joint = replace(joint, kind="revolute", a=a, b=b)
         pins.append(joint)
     return replace(mechanism, joints=tuple(pins))
