@@ -9,7 +9,7 @@ import numpy as np
 from mechsim.errors import AssemblyError, several
 from mechsim.kinematics.loops.mobility import dof_count, solver_at_generic_pose, undetermined_names
 from mechsim.kinematics.loops.motion import assemble, spinning_links
-from mechsim.mechanism.joint_kinds import KINDS
+from mechsim.mechanism.joint_kinds import KINDS, REVOLUTE
 from mechsim.mechanism.joints import End, Joint
 from mechsim.mechanism.links import GROUND, vector
 from mechsim.mechanism.mechanism import Mechanism
@@ -43,7 +43,7 @@ def pinned(mechanism: Mechanism) -> Mechanism:
     for joint in mechanism.joints:
         if KINDS[joint.kind].ball and not KINDS[joint.kind].slides:
             a, b = (End(end.link, end.point, vector(normals[end.link])) for end in (joint.a, joint.b))
-            joint = replace(joint, kind="revolute", a=a, b=b)
+            joint = replace(joint, kind=REVOLUTE, a=a, b=b)
         pins.append(joint)
     return replace(mechanism, joints=tuple(pins))
 
