@@ -303,7 +303,7 @@ class DrivenRun:
     def _cause(self, steps: Steps) -> str:
         """Return the cause of a divergence: a singular pose, a limit, a contact, else stiffness."""
         loops, states = self.closed.loops, steps.states
-        distance = loop_jacobian.conditioning(loops, loops.linearise(states.qpos)[1])
+        distance = loop_jacobian.conditioning(loops, loops.linearised(states.qpos)[1])
         cause = near_singular(states.time, distance)
         cause = cause or limit_or_contact(self.closed.model, states.time, states.qpos, states.qvel)
         if cause:
@@ -344,7 +344,7 @@ def first_state(closed: ClosedModel, profile: CrankProfile) -> tuple[Array, Arra
     """
     angle, speed, _ = profile.state(np.linspace(0.0, profile.duration, PROBES))
     qpos = follow.follow(closed.loops, closed.qpos, angle)[:1]
-    return qpos[0], loop_jacobian.tangent(closed.loops, closed.loops.linearise(qpos)[1])[0] * speed[0]
+    return qpos[0], loop_jacobian.tangent(closed.loops, closed.loops.linearised(qpos)[1])[0] * speed[0]
 
 
 def default_tolerance(closed: ClosedModel, motion: Motion) -> float:
@@ -380,7 +380,7 @@ def solved_run(
     near_rows = list(path.near_change_points(angle))
     away = moved_away(qpos, near_rows)
     loops, track = closed.loops, closed.track
-    jacobian = loops.linearise(away)[1]
+    jacobian = loops.linearised(away)[1]
     singular = loop_jacobian.conditioning(loops, jacobian) < MIN_CONDITIONING
     if singular.any():
         where = loops.drivers.text(float(angle[np.argmax(singular)]))

@@ -219,13 +219,21 @@ def _sparse_conditioning(
     return smallest if regular.any() else None
 
 
-def tangent(loops: ModelLoops, jacobian: Array) -> Array:
+def products(jacobian: "Array | SparseMatrices", rates: Array) -> Array:
+    """Return the rates of residuals, (n, m), at rates of the DOFs, (n, k)."""
+    if isinstance(jacobian, np.ndarray):
+        return (jacobian @ rates[..., None])[..., 0]
+    return jacobian.times(rates.T).T
+
+
+def tangent(loops: ModelLoops, jacobian: "Array | SparseMatrices") -> Array:
     """Return the rates of all DOFs per radian of the crank, (n, nv), that keep the loops closed."""
-    driven = -jacobian[:, :, [loops.crank]]
-    rates = solve(loops, jacobian, driven)
-    # normal equations square the condition number; one refinement step corrects that
-    rates += solve(loops, jacobian, driven - jacobian[:, :, loops.free] @ rates)
-    return _with_crank_rate(loops, rates[..., 0], 1.0)
+    n = len(jacobian) if isinstance(jacobian, np.ndarray) else jacobian.values.shape[1]
+    rates = _with_crank_rate(loops, np.zeros((n, loops.model.nv - 1)), 1.0)
+    # normal equations square the condition number; the second step corrects that
+    for _ in range(2):
+        rates[:, loops.free] -= solve(loops, jacobian, products(jacobian, rates)[..., None])[..., 0]
+    return rates
 
 
 def newton_step(loops: ModelLoops, residual: Array, jacobian: "Array | SparseMatrices") -> Array:

@@ -53,8 +53,9 @@ RESTING = 1e-9
 RELATIVE_TOLERANCE, FRICTION_TOLERANCE = 1e-9, 1e-4
 # the same for redundant loops, whose constraints are compliant: rates of Bennett's linkage vibrate by 3e-8
 COMPLIANT_TOLERANCE = 1e-7
-# roundings of a pose in forces, at most: 16 in a pendulum that swings by 1e-6 rad
-ROUNDED_POSES = 64.0
+# roundings of a pose in forces, at most: 16 in a pendulum that swings by 1e-6 rad; and those of the loops in
+# coordinates, relative to their mean: 1 to 2 in rows of 25 to 200 four-bars that swing by 1e-7 to 1e-6 rad
+ROUNDED_POSES, ROUNDED_LOOPS = 64.0, 4.0
 # multiple of the tolerance of rounding at which the error of the steps is small enough where limits of
 # actuators make forces kinked: there halving a step gains a factor of 2 to 4 instead of 16
 KINKED = 100.0
@@ -266,7 +267,8 @@ def _compared_with_mujoco(
     coarse, before, gains = stepped(substeps), dict[str, float](), dict[str, float]()
     # tolerance relative to the largest value of a quantity, besides the error of the steps
     floor = COMPLIANT_TOLERANCE if coarse.compliant else RELATIVE_TOLERANCE
-    floor = max(FRICTION_TOLERANCE if rubbing else floor, _rounding(section, mechanism))
+    roundings = max(ROUNDED_POSES, ROUNDED_LOOPS * start.loop_rounding())
+    floor = max(FRICTION_TOLERANCE if rubbing else floor, EPS * roundings / _displacement(section, mechanism))
     enough = KINKED if any(a.limited for a in dynamic_model.forces.actuators) else 1.0
     while True:
         fine, substeps = stepped(2 * substeps), 2 * substeps
@@ -311,8 +313,8 @@ def _compared_with_mujoco(
         coarse = fine
 
 
-def _rounding(run: DynamicRun, mechanism: Mechanism) -> float:
-    """Return the rounding of poses relative to the largest displacement of a link, in sizes and radians."""
+def _displacement(run: DynamicRun, mechanism: Mechanism) -> float:
+    """Return the largest displacement of a link, in sizes or radians; infinite if nothing moves."""
     length = mechanism.characteristic_length
     largest = max(
         max(
@@ -321,7 +323,7 @@ def _rounding(run: DynamicRun, mechanism: Mechanism) -> float:
         )
         for link in run.motion.links.values()
     )
-    return ROUNDED_POSES * EPS / largest if largest > 0.0 else 0.0
+    return largest or np.inf
 
 
 def _gains(changes: Iterable[tuple[str, float]]) -> dict[str, float]:

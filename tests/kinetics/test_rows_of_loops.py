@@ -1,6 +1,7 @@
 """Dynamics of rows of many four-bars: no operation grows faster than their number."""
 
 import numpy as np
+import pytest
 from driven_mechanisms import sinusoidal
 from kinematics.test_exact_geometry import row_of_four_bars
 
@@ -8,12 +9,14 @@ import mechsim as ms
 from mechsim.kinematics.loops import start
 from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.kinetics import equilibria, linearization, prescribed, prescribed_motion, reactions
+from mechsim.kinetics.initial_state import InitialValues
 from mechsim.kinetics.model import dynamic_model
 from mechsim.mechanism.masses import with_inertia
 from mechsim.mechanism.motion_laws import make_motion_laws
-from mechsim.simulation import loop_jacobian, model_loops
+from mechsim.simulation import loop_jacobian, model_loops, simulate
 from mechsim.simulation.dynamics import inverse_dynamics
 from mechsim.simulation.dynamics.prescribed_motion import driven
+from mechsim.studies.dynamics_check import crosscheck_forward
 
 ANGLES = np.linspace(0.0, 0.1, 4)
 
@@ -90,12 +93,14 @@ def test_minima_and_maxima_of_the_potential_alternate_around_the_curve_of_a_long
 
 
 def test_forces_of_a_row_in_mujoco_by_sparse_loops_are_those_of_whole_matrices(monkeypatch):
-    runs = []
+    runs, rates, motion = [], [], {"speed": 3.0, "turns": 0.01, "samples": 4}
     for least in (1, 1000):
         for module in (inverse_dynamics, loop_jacobian, model_loops):
             monkeypatch.setattr(module, "SPARSE", least)
-        runs.append(driven(row_of_four_bars(16), speed=3.0, turns=0.01, samples=4))
+        runs.append(driven(row_of_four_bars(16), **motion))
+        rates.append(simulate(row_of_four_bars(16), method="pose", **motion).motion.joints["A16"].rate)
     sparse, whole = runs
+    np.testing.assert_allclose(*rates, rtol=1e-13)
     assert np.abs(sparse.forces.torque / whole.forces.torque - 1.0).max() <= 1e-9
     largest = max(np.abs(reaction.force).max() for reaction in whole.forces.reactions.values())
     for name, reaction in whole.forces.reactions.items():
@@ -141,3 +146,17 @@ def test_each_of_many_four_bars_takes_the_torque_of_one():
             force = alone.reactions[f"{name}0"].force
             last = many.reactions[f"{name}15"].force
             assert np.abs(last - force).max() <= 1e-10 * np.abs(force).max()
+
+
+@pytest.mark.parametrize("count", [1, pytest.param(24, marks=pytest.mark.long)])
+def test_a_row_of_parallelograms_falls_like_a_pendulum_by_displacements_near_rounding(count):
+    """n cylinders move with the tips, and n + 1 rotate: (n + (n + 1) k^2) a'' = (n + (n + 1) / 2) g a."""
+    model, rate = dynamic_model(with_inertia(row_of_four_bars(count, 0.0), diameter=0.01)), 1e-6
+    run = ms.dynamics.run(model, initial={"A0.v": rate}, duration=0.05, samples=50)
+    inertia = count + (count + 1) * (1.0 / 3.0 + 0.01**2 / 16.0)
+    fall = np.sqrt(9.81 * (count + (count + 1) / 2.0) / inertia)
+    error = run.motion.joints["A0"].value - rate * np.sinh(fall * run.time) / fall
+    assert np.abs(error).max() <= 1e-14 * count
+    assert run.steps < 20
+    wrong, values = model.with_forces(ms.Forces(gravity=(0.0, -9.82, 0.0))), InitialValues({}, {"A0": rate})
+    assert [crosscheck_forward(run, each, values).passed for each in (model, wrong)] == [True, False]

@@ -19,7 +19,7 @@ from mechsim.mechanism.motion_laws import State
 from mechsim.mechanism.nonlinear_springs import OPEN, Phases, SoftStop
 from mechsim.mechanism.scene import Scene
 from mechsim.numerics.arrays import CLOSED, Array
-from mechsim.numerics.rank import RANK_TOLERANCE, null_space
+from mechsim.numerics.rank import RANK_TOLERANCE, null_space, significant
 from mechsim.numerics.resources import Progress, no_progress
 from mechsim.simulation import loop_jacobian
 from mechsim.simulation.custom_model import with_functions
@@ -109,6 +109,15 @@ class Start:
     activation: Array
     settings: Settings
     phases: Phases = ()
+
+    def loop_rounding(self) -> float:
+        """Return the mean change of coordinates by the rounding of loops, relative to it and in units.
+
+        It is J^+ times the rounding of each row, mostly along the smallest singular value of the loops J.
+        """
+        values = np.linalg.svd(_scaled_jacobian(self.model, self.qpos), compute_uv=False)
+        values = values[significant(values)]
+        return 1.0 / float(values[-1] * len(values) ** 0.5) if len(values) else 1.0
 
     @quiet()
     def stepped(
@@ -299,7 +308,7 @@ def without_cuts(model: LoadedModel, values: Mapping[str, float]) -> dict[str, f
 
 def _independent(model: LoadedModel, names: Sequence[str]) -> list[str]:
     """Return those of the coordinates that are independent in the reference state, with priority in order."""
-    jacobian = model.loops.linearise(model.qpos[None])[1][0] * model.loops.scale[:, None] * model.loops.units
+    jacobian = _scaled_jacobian(model, model.qpos)
     free = null_space(jacobian).T if len(jacobian) else np.eye(model.model.nv)
     chosen = list[str]()
     for name in names:
@@ -307,6 +316,12 @@ def _independent(model: LoadedModel, names: Sequence[str]) -> list[str]:
         if np.linalg.matrix_rank(rows, RANK_TOLERANCE) > len(chosen):
             chosen.append(name)
     return chosen
+
+
+def _scaled_jacobian(model: LoadedModel, qpos: Array) -> Array:
+    """Return the Jacobian of the loops in a state, (rows, nv), in characteristic lengths and radians."""
+    loops = model.loops
+    return loops.linearise(qpos[None])[1][0] * loops.scale[:, None] * loops.units
 
 
 def _moved(model: LoadedModel, coordinates: Mapping[str, float]) -> Array:

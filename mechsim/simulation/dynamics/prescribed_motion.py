@@ -180,7 +180,7 @@ def _conditioning_note(loaded: LoadedModel, states: States) -> str:
     """Return one sentence on where the loops of a run are nearly singular; an empty text if they are not."""
     loops, starts = loaded.loops, range(0, len(states.time), CHUNK)
     conditioning = np.concatenate(
-        [loop_jacobian.conditioning(loops, loops.linearise(states.chunk(first).qpos)[1]) for first in starts]
+        [loop_jacobian.conditioning(loops, loops.linearised(states.chunk(first).qpos)[1]) for first in starts]
     )
     least = int(np.argmin(conditioning))
     if not conditioning[least] < BARELY:

@@ -336,7 +336,7 @@ def _moved(scene: Inspected, laws: MotionLaws, description: str, *, returns: boo
     states = follow(closed.loops, closed.qpos, angle[: SAMPLES // 2 + 1] if returns else angle)
     chunks = np.split(states, range(closed.loops.chunk, len(states), closed.loops.chunk))
     rates = np.concatenate(
-        [loop_jacobian.tangent(closed.loops, closed.loops.linearise(chunk)[1]) for chunk in chunks]
+        [loop_jacobian.tangent(closed.loops, closed.loops.linearised(chunk)[1]) for chunk in chunks]
     )
     if returns:
         states, rates = (np.concatenate([each, each[-2::-1]]) for each in (states, rates))

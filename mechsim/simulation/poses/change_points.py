@@ -91,7 +91,7 @@ def interpolated_motion(
     loops, track, cranks = closed.loops, closed.track, np.stack(rates, 1)
     for change_point, rows, reduced in near_rows:
         count = len(change_point.states)
-        tangent = loop_jacobian.tangent(loops, loops.linearise(change_point.states)[1])
+        tangent = loop_jacobian.tangent(loops, loops.linearised(change_point.states)[1])
         for speed, acceleration in np.unique(cranks[rows], axis=0):
             same = (cranks[rows] == [speed, acceleration]).all(1)
             accelerations = np.full(count, acceleration)
@@ -100,7 +100,7 @@ def interpolated_motion(
             interpolated = weighted_sums(nodes, change_point.weights(reduced[same]))
             motion = replace_instants(motion, rows[same], interpolated)
         # a regular pose is added, because singular values that are zero at all states do not count
-        residual, jacobian = loops.linearise(np.concatenate([qpos[rows], change_point.states[-1:]]))
+        residual, jacobian = loops.linearised(np.concatenate([qpos[rows], change_point.states[-1:]]))
         closure[rows] = np.abs(residual[:-1, loops.point_rows]).max(1, initial=0.0)
         conditioning[rows] = loop_jacobian.conditioning(loops, jacobian)[:-1]
     values = {
