@@ -179,16 +179,16 @@ def print_table(title: str, head: Sequence[str], rows: Iterable[Sequence[Value]]
     columns = [[name, *(row[i] for row in texts)] for i, name in enumerate(head)]
     widths = _column_widths(columns, width() - len(GAP) * len(columns))
     right = [all(plain_number(text) is not None for text in column[1:] if text) for column in columns]
+    pads = [str.rjust if r else str.ljust for r in right]
     for i in range(len(texts) + 1):
         lines = [
-            textwrap.wrap(column[i], max(w, 1), break_long_words=False, break_on_hyphens=False)
+            [column[i]]
+            if len(column[i]) <= w
+            else textwrap.wrap(column[i], max(w, 1), break_long_words=False, break_on_hyphens=False)
             for column, w in zip(columns, widths, strict=True)
         ]
         for line_texts in zip_longest(*lines, fillvalue=""):
-            aligned = (
-                f"{text:>{w}}" if r else f"{text:<{w}}"
-                for text, w, r in zip(line_texts, widths, right, strict=True)
-            )
+            aligned = (pad(text, w) for pad, text, w in zip(pads, line_texts, widths, strict=True))
             line = (GAP + GAP.join(aligned)).rstrip()
             for word, passed in (("PASS", True), ("FAIL", False)):
                 line = line.replace(word, pass_or_fail(passed)) if i else line

@@ -285,12 +285,13 @@ def length_and_rate(unit: UnitMotion, spring: NonlinearSpring) -> tuple[Array, A
 
 def _coordinate(unit: UnitMotion, joint: Joint, k: int, rest: float) -> Array:
     """Return a joint's coordinate in [m] or [rad]; an angle that is not counted is the one next to rest."""
-    value: Any = _joint_values(unit, joint)[..., k]
     continuous = unit.coordinates.get(joint.coordinates[k])
+    if continuous is not None and np.iscomplexobj(continuous):
+        return continuous
+    value: Any = _joint_values(unit, joint)[..., k]
     if continuous is not None:
         # dimensions may have complex steps that continuous values lack
-        stepped = np.iscomplexobj(value) and np.isrealobj(continuous)
-        return continuous + 1j * np.imag(value) if stepped else continuous
+        return continuous + 1j * np.imag(value) if np.iscomplexobj(value) else continuous
     return rest + wrapped(value - rest) if KINDS[joint.kind].units[k] == "rad" else value
 
 

@@ -421,15 +421,16 @@ class EquationsOfMotion:
         acting, loaded = applied(self.model, unit), loads(self.model, unit, time)
         at_joints, pulls, _ = _actuator_forces(self, state, time, loaded.crank)
         wrenches = acting.gravity, acting.springs, acting.damping, loaded.wrenches, pulls
-        sizes = stepped_sizes(np.stack(wrenches)).sum(0)
+        wrenches, none = [each for each in wrenches if each.any()], np.zeros_like(pulls)
+        total, sizes = sum(wrenches, none), sum(map(stepped_sizes, wrenches), none)
         arms = stepped_sizes(unit.position).sum(-1, keepdims=True)
         sizes[..., 3:] += arms * sizes[..., :3].sum(-1, keepdims=True)
-        total = np.sum(wrenches, 0)
         total[..., 3:] += cross(unit.position, total[..., :3])
         moved = self.loops.tree.moved_by[self.links][:, self.free]
         unit_twists = state.poses.unit_twists[self.free] * self.loops.units[self.free, None, None]
+        # real numbers, so that complex ones take no products with zeros
         force, magnitude = (
-            np.einsum("jin,jni->nj", along, np.tensordot(links, on_links, (0, 1)))
+            np.einsum("jin,nji->nj", along, (links.T @ on_links.view(np.float64)).view(on_links.dtype))
             for along, links, on_links in (
                 (unit_twists, moved, total),
                 (stepped_sizes(unit_twists), np.abs(moved), sizes),

@@ -16,6 +16,7 @@ from mechsim.kinetics.linearization import (
     reduced_forces,
 )
 from mechsim.kinetics.state_quantities import joined_configurations
+from mechsim.mechanism.motion import select_instants
 from mechsim.numerics.arrays import Array, wrapped
 
 # largest number of Newton steps from each start, and largest step
@@ -66,11 +67,17 @@ def newton_equilibria(
         indices = np.flatnonzero(active)
         if not indices.size:
             break
-        dofs, bases = null_directions(equations, q.select(indices))
+        # both searches take the same steps where all directions are stable
+        rows = equations.loops.flat(q.select(indices))
+        _, first, copies = np.unique(rows, axis=0, return_index=True, return_inverse=True)
+        different, copies = indices[first], copies.ravel()
+        dofs, bases = null_directions(equations, q.select(different))
         for dof in np.unique(dofs).tolist():
-            which = indices[dofs == dof]
-            basis = bases[dofs == dof, :, bases.shape[2] - dof :]
-            forces = reduced_forces(equations, q.select(which), basis)
+            own = np.flatnonzero(dofs == dof)
+            basis = bases[own, :, bases.shape[2] - dof :]
+            forces = reduced_forces(equations, q.select(different[own]), basis)
+            equal = np.searchsorted(own, copies[dofs[copies] == dof])
+            which, basis, forces = indices[dofs[copies] == dof], basis[equal], select_instants(forces, equal)
             steps = [
                 _newton_step(*row)
                 for row in zip(forces.stiffness, forces.force, downhill[which], strict=True)
@@ -93,10 +100,13 @@ def newton_equilibria(
 
 def _newton_step(stiffness: Array, force: Array, downhill: bool) -> Array:
     """Return K^-1 Q; downhill with the absolute values of all eigenvalues."""
+    plain = np.asarray(np.linalg.lstsq(stiffness, force, rcond=SINGULAR)[0], np.float64)
     if not downhill or not force.size:
-        return np.asarray(np.linalg.lstsq(stiffness, force, rcond=SINGULAR)[0], np.float64)
+        return plain
     values, vectors = np.linalg.eig(stiffness)
     steep = np.abs(values)
+    if (np.abs(values - steep) <= SINGULAR * steep.max()).all():
+        return plain
     inverse = (steep > SINGULAR * steep.max()) / np.maximum(steep, np.finfo(float).tiny)
     components = np.linalg.lstsq(vectors, force.astype(np.complex128), rcond=None)[0]
     return np.asarray(np.real(vectors @ (inverse * components)), np.float64)

@@ -144,8 +144,9 @@ class UnitMotion:
     def direction(self, end: End, column: int) -> Array:
         """Return a column of a joint end's frame, (n, 3)."""
         slot = self.slot(end.link)
-        frame = np.eye(3)[None] if slot is None else self.rotation[:, slot]
-        return np.broadcast_to(frame @ end.frame[:, column], (len(self), 3))
+        if slot is None:
+            return np.broadcast_to(end.frame[:, column], (len(self), 3))
+        return self.rotation[:, slot] @ end.frame[:, column]
 
     def inertial(self, speed: Array, acceleration: Array) -> Array:
         """Return the wrenches that cause the motion of the links, about link origins, (n, L, 6) in [N, N m].

@@ -50,9 +50,7 @@ def size_of(value: Array) -> Array:
 
 def stepped_sizes(value: Array) -> Array:
     """Return absolute values, and as changes those of the changes: sizes of terms that may cancel."""
-    return (
-        _joined(np.abs(np.real(value)), np.abs(np.imag(value))) if np.iscomplexobj(value) else np.abs(value)
-    )
+    return np.abs(np.ascontiguousarray(value).view(np.float64)).view(value.dtype)
 
 
 def stepped_least_norm(matrix: Array, right: Array, rcond: float) -> Array:
