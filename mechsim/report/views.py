@@ -343,9 +343,8 @@ def mechanism_view(
             f"{speed * 60.0 / REVOLUTION:g} rpm; `mechsim trace` finds other assemblies."
         )
     else:
-        grids = hand_grids(solver, limits, start_poses(solver.mechanism)[1])
-        if not solver.motion_laws.crank:
-            grids = [motion_law_grid(solver), *grids]
+        timed = [] if solver.motion_laws.crank else [motion_law_grid(solver)]
+        grids = [*timed, *hand_grids(solver, limits, start_poses(solver.mechanism)[1])]
         fact = "Solved by its loop equations."
     return View(solver.mechanism, grids, solver.name, [fact], **drawn_as(solver))
 

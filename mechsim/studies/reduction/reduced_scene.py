@@ -177,41 +177,36 @@ def other_motion(scene: UserScene, range_ratio: float, speed_variation: float) -
         range_ratio: range relative to that of the motion.
         speed_variation: largest relative change of the speed.
     """
+
+    def warped_law(state: State, number: int) -> State:
+        """Return a law whose time advances at 1 - speed_variation sin(w t) and ends at the same value.
+
+        The number selects the frequency w.
+        """
+        w = 2.0 * np.pi * (1 + number % 3) / scene.duration
+
+        def other(time: Array) -> tuple[Array, Array, Array]:
+            time = np.asarray(time, dtype=np.float64)
+            warped, sine = time - speed_variation / w * (1.0 - np.cos(w * time)), np.sin(w * time)
+            speed, speed_rate = 1.0 - speed_variation * sine, -speed_variation * w * np.cos(w * time)
+            value, rate, acceleration = (np.broadcast_to(values, time.shape) for values in state(warped))
+            start = state(np.zeros(1))[0][0]
+            return (
+                start + range_ratio * (value - start),
+                range_ratio * rate * speed,
+                range_ratio * (acceleration * speed**2 + rate * speed_rate),
+            )
+
+        return other
+
     joint_laws, ctrl = (
-        {
-            name: _warped_law(state, scene.duration, number, range_ratio, speed_variation)
-            for number, (name, state) in enumerate(states.items(), first)
-        }
+        {name: warped_law(state, number) for number, (name, state) in enumerate(states.items(), first)}
         for states, first in ((scene.joint_laws, 0), (scene.ctrl, len(scene.joint_laws)))
     )
     qpos, qvel = scene.start
     # rates that keep loops closed are proportional to the driver speeds
     start = qpos, range_ratio * qvel if scene.joint_laws else qvel
     return replace(scene, joint_laws=joint_laws, ctrl=ctrl, start=start)
-
-
-def _warped_law(
-    state: State, duration: float, number: int, range_ratio: float, speed_variation: float
-) -> State:
-    """Return a motion law whose time advances at 1 - speed_variation sin(w t) and ends at the same value.
-
-    The number selects the frequency w.
-    """
-    w = 2.0 * np.pi * (1 + number % 3) / duration
-
-    def other(time: Array) -> tuple[Array, Array, Array]:
-        time = np.asarray(time, dtype=np.float64)
-        warped = time - speed_variation / w * (1.0 - np.cos(w * time))
-        speed, speed_rate = 1.0 - speed_variation * np.sin(w * time), -speed_variation * w * np.cos(w * time)
-        value, rate, acceleration = (np.broadcast_to(values, time.shape) for values in state(warped))
-        start = state(np.zeros(1))[0][0]
-        return (
-            start + range_ratio * (value - start),
-            range_ratio * rate * speed,
-            range_ratio * (acceleration * speed**2 + rate * speed_rate),
-        )
-
-    return other
 
 
 # number of observed instants, evenly spaced over the motion

@@ -1,6 +1,5 @@
 """Runs an MJCF file in plain MuJoCo with its own settings."""
 
-from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -79,13 +78,18 @@ def published_scene(source: KinematicSolver, profile: CrankProfile | None = None
     profile, laws = profile or source.motion_laws.path_profile, dict(source.motion_laws.by_name)
     if source.motion_laws.crank:
         laws = {source.mechanism.crank.name: profile.state}
-    joint_laws, ctrl = _servo_laws(source, laws)
+    # position servos receive the laws of their joints as controls
+    model, ctrl = plainly_compiled(source.source.spec.copy()), dict[str, State]()
+    for actuator, joints in source.source.actuators.items():
+        gain = _servo_gain(model, actuator)
+        if gain is not None and len(joints) == 1 and joints[0] in laws:
+            ctrl[actuator] = scaled_law(laws.pop(joints[0]), gain)
     # virtual drive inertia also keeps locked joints in position
-    joint_laws |= {name: steady(value, 0.0) for name, value in source.mechanism.locked.items()}
+    laws |= {name: steady(value, 0.0) for name, value in source.mechanism.locked.items()}
     scene = scene_of(
         source.source,
         source.mechanism,
-        joint_laws=joint_laws,
+        joint_laws=laws,
         ctrl=ctrl,
         duration=profile.duration,
         points=source.mechanism.points,
@@ -123,11 +127,19 @@ def published_motion(source: KinematicSolver, profile: CrankProfile, samples: in
         rate = np.gradient(values, run.time, axis=0)
         return values, rate, np.gradient(rate, run.time, axis=0)
 
+    def link_motion(position: Array, rotation: Array) -> LinkMotion:
+        """Return the motion of a link from its positions (n, 3) and rotations (n, 3, 3)."""
+        _, velocity, acceleration = rates(position)
+        # the cross-product matrix of the angular velocity
+        spin = rates(rotation)[1] @ np.swapaxes(rotation, 1, 2)
+        angular = np.stack([spin[:, 2, 1], spin[:, 0, 2], spin[:, 1, 0]], 1)
+        return LinkMotion(position, rotation, velocity, angular, acceleration, rates(angular)[1])
+
     unit: Any = scene.mechanism.unit
     joints = {name: JointMotion(*rates(values), unit=unit(name)) for name, values in run.coordinates.items()}
     position, rotation = PosedBodies(run.model).body_poses(run.qpos)
     links = {
-        name: _link_motion(rates, position[:, body], rotation[:, body])
+        name: link_motion(position[:, body], rotation[:, body])
         for name, body in scene.closure.bodies.items()
         if name != GROUND
     }
@@ -144,34 +156,11 @@ def published_motion(source: KinematicSolver, profile: CrankProfile, samples: in
     return select_instants(motion, np.unique(rows))
 
 
-def _link_motion(
-    rates: Callable[[Array], tuple[Array, Array, Array]], position: Array, rotation: Array
-) -> LinkMotion:
-    """Return the motion of a link from its positions (n, 3) and rotations (n, 3, 3)."""
-    _, velocity, acceleration = rates(position)
-    spin = rates(rotation)[1] @ np.swapaxes(rotation, 1, 2)  # cross-product matrix of the angular velocity
-    angular = np.stack([spin[:, 2, 1], spin[:, 0, 2], spin[:, 1, 0]], 1)
-    return LinkMotion(position, rotation, velocity, angular, acceleration, rates(angular)[1])
-
-
 def loop_gaps(run: SceneRun) -> Array:
     """Return the largest distance between the two sides of a connect or weld at each record, (n,) in [m]."""
     loops = loops_with_crank(run.model, 0)
     gaps = loops.residual(run.qpos)[:, : 3 * len(loops.pairs)].reshape(len(run.qpos), -1, 3)
     return np.linalg.norm(gaps, axis=2).max(1, initial=0.0)
-
-
-def _servo_laws(
-    source: KinematicSolver, laws: Mapping[str, State]
-) -> tuple[dict[str, State], dict[str, State]]:
-    """Return the motion laws of joints without a position servo, and of the controls of the servos."""
-    model = plainly_compiled(source.source.spec.copy())
-    joint_laws, ctrl = dict(laws), dict[str, State]()
-    for actuator, joints in source.source.actuators.items():
-        gain = _servo_gain(model, actuator)
-        if gain is not None and len(joints) == 1 and joints[0] in joint_laws:
-            ctrl[actuator] = scaled_law(joint_laws.pop(joints[0]), gain)
-    return joint_laws, ctrl
 
 
 def _servo_gain(model: mujoco.MjModel, actuator: str) -> float | None:
