@@ -24,6 +24,8 @@ GATES = {
     ("io.toml_reader", "io.toml_forces"): "forces in TOML",
     ("studies.validate", "studies.scene.own_settings"): "a MODEL in MJCF",
     ("io.scene_findings", "simulation.findings"): "a MODEL in MJCF",
+    ("numerics.continuation", "numerics.branch_points"): "a change point",
+    ("numerics.continuation", "numerics.fold_points"): "a crank that swings",
     ("simulation.stepping", "simulation.velocity_products"): "a driven cam",
     ("simulation.source", "simulation.mjcf_reader.reading"): "a MODEL in MJCF",
     ("io.mjcf_source", "io.requested_start"): "--start",
@@ -117,14 +119,12 @@ def main() -> None:
     parser.add_argument("commands", nargs="*", default=COMMANDS)
     parser.add_argument("--modules", action="store_true", help="list the modules")
     chosen = parser.parse_args()
-    commands = tuple(chosen.commands)
-    behind, ahead = closures(commands, gates=False), closures(commands)
+    behind, ahead = closures(chosen.commands, gates=False), closures(chosen.commands)
     print(f"{'command':12} {'lines':>7} {'with all gates open':>20}")
-    for command in commands:
-        print(f"{command:12} {ahead[command]:7} {behind[command]:20}")
+    print(*(f"{name:12} {ahead[name]:7} {behind[name]:20}" for name in chosen.commands), sep="\n")
     if chosen.modules:
         graph, sizes = loaded(), lines()
-        for command in commands:
+        for command in chosen.commands:
             names = sorted(closure(graph, command), key=lambda name: -sizes[name])
             print(f"\n{command}", *(f"{sizes[name]:6} {name}" for name in names), sep="\n")
 

@@ -1,21 +1,16 @@
 """Branch points of a path: location between nodes, segments through them, and the other branch."""
 
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.collocation import Interpolant, interpolation_error, nodes_between
+from mechsim.numerics.collocation import Interpolant, nodes_between
 from mechsim.numerics.loop_solver import MIN_SHARE_RATIO, E, Linearised, Q
 from mechsim.numerics.path_segments import PathStates, Segment
 
 # largest and smallest half length of a segment centred on a change point
 MAX_HALF_LENGTH, MIN_HALF_LENGTH = 0.1, 5e-4
-# numbers of pairs of assembly modes that can meet without a sign change of the determinant; and the
-# interpolation error after the sign is flipped, relative to that before, below which a change point is
-# assumed
-PAIRS, MAX_ERROR_RATIO = (2, 4), 0.3
 # nodes of such a segment; even, so that none lies at the change point, where the Jacobian is singular
 NODES = 24
 # largest truncation error of its polynomial, in [rad] or relative to the characteristic length
@@ -26,30 +21,6 @@ FIRST_SPACING, LAST_SPACING = 1e-3, 3e-7
 # other branch; largest deviation of that branch from its prediction, relative to the distance between the
 # branches; and number of halvings of the segment
 OFFSET, MIN_CURVATURE, MAX_DEVIATION, HALVINGS = 1e-4, 1e-6, 0.3, 6
-
-
-def even_change_point(log_determinant: Array) -> int | None:
-    """Return the node before a change point at which an even number of pairs of modes meet; or None.
-
-    The determinant has a zero without a sign change there. Its root of that order is smooth only if its sign
-    is flipped beyond the change point.
-
-    Args:
-        log_determinant: logarithm of the determinant's magnitude at the nodes, (k,).
-    """
-    roots = np.exp((log_determinant - log_determinant.max())[:, None] / PAIRS)
-    flipped = interpolation_error((_flips(len(roots)) * roots[..., None]).reshape(len(roots), -1))
-    for errors, limit in zip(flipped.reshape(len(PAIRS), -1), interpolation_error(roots), strict=True):
-        index = int(np.argmin(errors))
-        if errors[index] < MAX_ERROR_RATIO * limit:
-            return index
-    return None
-
-
-@cache
-def _flips(count: int) -> Array:
-    """Return the signs of nodes of which one or more at the end are flipped, (count, 1, count - 1)."""
-    return np.where(np.arange(count)[:, None, None] > np.arange(count - 1), -1.0, 1.0)
 
 
 def change_point_between(path: PathStates[E, Q], segment: Segment[E, Q], a: float, b: float) -> float | None:

@@ -3,25 +3,20 @@
 The polynomial of a segment predicts the next one; Newton's method corrects all its nodes together. A segment
 is accepted if the correction and the interpolation error are small and the Jacobian determinant keeps its
 sign. A sign change along a smooth path indicates a change point, where two assembly modes meet. It is
-located, and the path continues through it.
+located, and the path continues through it. At a dead centre the path ends with the segment of `fold_points`.
 """
 
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Generic, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.errors import AssemblyError, InputError, SingularStartError
-from mechsim.numerics.arrays import REVOLUTION, ROUNDING, TINY, Array
-from mechsim.numerics.branch_points import (
-    branch_segment,
-    change_point_between,
-    even_change_point,
-    segment_through,
-)
+from mechsim.numerics.arrays import REVOLUTION, ROUNDING, Array
 from mechsim.numerics.collocation import Piecewise, interpolation_error, nodes_between
 from mechsim.numerics.loop_solver import (
     MIN_DETERMINANT_RATIO,
@@ -49,10 +44,8 @@ AT_START = 1e-3
 # largest residual at nodes, a hundredth of the truncation error; and signed distance from a singular pose
 # below which nodes are closed to rounding
 NODE_RESIDUAL, NEARLY_SINGULAR = 1e-11, 1e-4
-# relative error of an estimated distance: from a singular pose, and to a dead centre; and share of the latter
-# that the next segment may have; and ratio of the lengths that errors of successive segments allow, below
-# which it is expected to go on
-ESTIMATE, UP_TO_END, FAST_TREND = 0.2, 0.95, 0.6
+# relative error of an estimated distance from a singular pose
+ESTIMATE = 0.2
 # attempts in a row below `MIN_EXTRAPOLATED`, after which the path ends: the loops do not close beyond, but
 # within rounding of the residual they do; an end takes 100 attempts
 MAX_SHORT = 300
@@ -70,11 +63,14 @@ NEXT_LENGTH = 0.3
 # signed distance of a start from a singular pose above which a change point behind it does not affect its
 # rates
 WELL_CONDITIONED = 0.05
+# numbers of pairs of assembly modes that can meet without a sign change of the determinant; and the
+# interpolation error after the sign is flipped, relative to that before, below which a change point is
+# assumed
+PAIRS, MAX_ERROR_RATIO = (2, 4), 0.3
 # shift of an end, relative to the interval, for a second search of a change point
 END_SHIFT = 0.05
-# distance that a path is traced beyond the requested parameter, not round, since change points often are; and
-# length of a segment there below which it is not traced on: its end is near, which nobody asks for
-OVERSHOOT, LEAST_BEYOND = 0.2137, 1e-4
+# distance that a path is traced beyond the requested parameter, not round, since change points often are
+OVERSHOOT = 0.2137
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,14 +151,12 @@ class ContinuationPath(PathStates[E, Q]):
             return
         direction = 1 if target > self.initial else -1
         with suppress(AssemblyError):
-            self.reach(target + direction * self.overshoot, direction, goal=target)
+            self.reach(target + direction * self.overshoot, direction)
             return
         self.reach(target, direction)
 
-    def reach(self, target: float, direction: int, length: float | None = None, goal: float = np.nan) -> None:
+    def reach(self, target: float, direction: int, length: float | None = None) -> None:
         """Trace the assembly to a parameter and no farther; the length is that of the next segment, if known.
-
-        Beyond a goal before the target no end of the path is approached closely.
 
         Raises:
             AssemblyError: at the parameter beyond which the loops cannot close in this assembly mode.
@@ -176,18 +170,25 @@ class ContinuationPath(PathStates[E, Q]):
             if not segments and self.segments[-direction]:
                 length *= self.control.max_growth  # the segment on the other side predicts it
             length = max(length, 2.0 * _shortest(self, self.end(direction)))
-        short, attempts, before = 0, 0, self.end(direction)
+        short, attempts, before, advanced = 0, 0, self.end(direction), True
         while (remaining := direction * (target - self.end(direction))) > 0.0:
             current, attempts = self.end(direction), attempts + 1
+            if segments and segments[-1].final:
+                raise _end_error(self, current, self.remaining_text(current, target))
             if attempts % MAX_ATTEMPTS == 0:
                 self._require_advance(before, current)
                 before = current
             step = remaining if remaining <= length else min(length, 0.6 * remaining)
             segment, length = self.next_segment(current, direction, step)
             short = short + 1 if length < MIN_EXTRAPOLATED else 0
+            if segment is None and advanced and segments and self.count == 1 and self._upcoming is None:
+                from mechsim.numerics.fold_points import fold_segment
+
+                segment = fold_segment(self, segments[-1], direction, _shortest(self, current))
+            advanced = segment is not None
             if segment is not None:
                 segments.append(segment)
-            elif length < _shortest(self, current, direction * (current - goal) >= 0.0) or short > MAX_SHORT:
+            elif length < _shortest(self, current) or short > MAX_SHORT:
                 raise _end_error(self, current, self.remaining_text(current, target))
 
     def require_travel(self, start: float, target: float) -> None:
@@ -256,10 +257,7 @@ class ContinuationPath(PathStates[E, Q]):
             return None, 0.6 * length if self.drop_last_segment(direction) else self.control.shrink * step
         self.sign = np.array([middle_sign])
         growth = float(self.growth(step, direction, error, closed.displacement)[0])
-        if segments and len(segments[-1].nodes) == CONTROL.nodes:
-            growth *= _trend(segments[-1], segment)
-        length = min(step * growth, UP_TO_END * _distance_to_dead_centre(segment.nodes, loops.determinant[1]))
-        return segment, float(np.clip(length, self.control.min_length, self.control.max_length))
+        return segment, float(np.clip(step * growth, self.control.min_length, self.control.max_length))
 
     def growth(self, step: float, direction: int, error: Array, displacement: Array) -> Array:
         """Return the largest ratios of the next segment's length to this one's, (d,)."""
@@ -274,6 +272,8 @@ class ContinuationPath(PathStates[E, Q]):
 
         Otherwise there is a sharp bend or the end of the path, which shorter segments resolve.
         """
+        from mechsim.numerics.branch_points import change_point_between, segment_through
+
         a, b = segment.nodes[index : index + 2]
         change_point = change_point_between(self, segment, float(a), float(b))
         if change_point is None and even:
@@ -297,6 +297,8 @@ class ContinuationPath(PathStates[E, Q]):
             AssemblyError: if the path begins at the change point, or the drivers do not move the other
                 branch.
         """
+        from mechsim.numerics.branch_points import branch_segment
+
         self._upcoming, self.sign = None, np.zeros(self.count)
         segment, change_point = upcoming
         if direction * (change_point - current) < MIN_START_DISTANCE:
@@ -411,35 +413,33 @@ class ContinuationPath(PathStates[E, Q]):
         return first.evaluate(s), first.derivative().evaluate(s)
 
 
-def _trend(before: Segment[E, Q], segment: Segment[E, Q]) -> float:
-    """Return the ratio by which the next segment is shorter than the error of this one allows, or 1.
+def even_change_point(log_determinant: Array) -> int | None:
+    """Return the node before a change point at which an even number of pairs of modes meet; or None.
 
-    By its error e a segment of length h allows h (target / e)^(1/k). Near a dead centre, where this is much
-    shorter than it was for the segment before, it is shorter by the same ratio for the next.
+    The determinant has a zero without a sign change there. Its root of that order is smooth only if its sign
+    is flipped beyond the change point.
 
-    Source: K. Gustafsson, Control-theoretic techniques for stepsize selection in implicit Runge-Kutta
-    methods, ACM Transactions on Mathematical Software 20 (1994) 496-517.
+    Args:
+        log_determinant: logarithm of the determinant's magnitude at the nodes, (k,).
     """
-    errors = [float(interpolation_error(each.states).max()) + TINY for each in (before, segment)]
-    ratio = segment.length / before.length * (errors[0] / errors[1]) ** (2.0 / (CONTROL.nodes + 1))
-    return ratio if ratio < FAST_TREND else 1.0
+    roots = np.exp((log_determinant - log_determinant.max())[:, None] / PAIRS)
+    flipped = interpolation_error((_flips(len(roots)) * roots[..., None]).reshape(len(roots), -1))
+    for errors, limit in zip(flipped.reshape(len(PAIRS), -1), interpolation_error(roots), strict=True):
+        index = int(np.argmin(errors))
+        if errors[index] < MAX_ERROR_RATIO * limit:
+            return index
+    return None
 
 
-def _distance_to_dead_centre(nodes: Array, logarithm: Array) -> float:
-    """Return the distance from the last node to a dead centre; infinite if none is close.
-
-    The determinant vanishes there as the square root of the distance d: its squares at two nodes are in the
-    ratio r = d2 / d1, so that d2 = |s2 - s1| r / (1 - r). Two pairs of nodes agree.
-    """
-    ratio = np.exp(np.minimum(2.0 * (logarithm[-1] - logarithm[[0, -2]]), 0.0))
-    whole, last = np.abs(nodes[-1] - nodes[[0, -2]]) * ratio / np.maximum(1.0 - ratio, TINY)
-    return float(last) if abs(whole - last) < ESTIMATE * last else np.inf
+@cache
+def _flips(count: int) -> Array:
+    """Return the signs of nodes of which one or more at the end are flipped, (count, 1, count - 1)."""
+    return np.where(np.arange(count)[:, None, None] > np.arange(count - 1), -1.0, 1.0)
 
 
-def _shortest(path: ContinuationPath[E, Q], current: float, beyond: bool = False) -> float:
-    """Return the length below which a segment has no distinct nodes, or is singular; or not worth tracing."""
-    least = LEAST_BEYOND if beyond else path.control.min_length
-    return max(least, LEAST_SPACINGS * float(np.spacing(abs(current))))
+def _shortest(path: ContinuationPath[E, Q], current: float) -> float:
+    """Return the length below which a segment has no distinct nodes, or is singular."""
+    return max(path.control.min_length, LEAST_SPACINGS * float(np.spacing(abs(current))))
 
 
 def _end_error(path: ContinuationPath[E, Q], parameter: float, remaining: str) -> AssemblyError:

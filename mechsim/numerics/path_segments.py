@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Generic, Self
+from typing import ClassVar, Generic, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -82,10 +82,12 @@ class Segment(Interpolant, Generic[E, Q]):
         solver: solver of its poses.
         adequate: whether the solver's equations are well conditioned at the last node, for each design, (d,);
             None if unknown.
+        final: whether the path ends with it, at a fold point.
     """
 
     solver: LoopSolver[E, Q]
     adequate: NDArray[np.bool_] | None = None
+    final: ClassVar[bool] = False
 
     def restricted(self, low: float, high: float) -> Self:
         """Return the same polynomial through nodes from one parameter to another."""

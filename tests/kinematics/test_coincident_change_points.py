@@ -8,7 +8,7 @@ from wheel_linkages import START, assert_equal_rotation, wheel_linkages
 import mechsim as ms
 from mechsim.kinematics.loops.motion import driven_path
 from mechsim.kinematics.solvers import KinematicSolver
-from mechsim.numerics.branch_points import even_change_point
+from mechsim.numerics.continuation import even_change_point
 
 # positions, velocities and accelerations in radii, by polynomials about a change point. Measured
 # 1e-12, 1e-9 and 1e-8 at most, growing with the number of wheels; another assembly mode differs by 0.1

@@ -70,7 +70,7 @@ SLOW = re.compile(r"^(?:import|from) (?:matplotlib|mediapy|pint|jinja2|pandas|xa
 REACHED = {
     "list": 12600,
     "show": 12600,
-    "solve": 10550,
+    "solve": 10500,
     "simulate": 17000,
     "validate": 18500,
     "export": 17500,
