@@ -81,13 +81,6 @@ class StartedDesigns:
     guess: Mapping[str, Pose]
     coordinates: Mapping[str, Array]
 
-    def subset(self, which: NDArray[np.intp]) -> "StartedDesigns":
-        """Return the designs at some indices."""
-        guess = {link: Pose(pose.position[which], pose.rotation[which]) for link, pose in self.guess.items()}
-        return StartedDesigns(
-            self.arrays.subset(which), guess, {name: value[which] for name, value in self.coordinates.items()}
-        )
-
 
 def design_arrays(like: Mechanism, designs: Sequence[Mechanism]) -> DesignArrays:
     """Return the dimensions of designs that have the structure of `like`."""

@@ -8,12 +8,10 @@ from numpy.typing import NDArray
 from mechsim.errors import MechsimError, MobilityError, cut
 from mechsim.kinematics.formulas import many_designs
 from mechsim.kinematics.formulas.two_branch import TwoBranchForm
-from mechsim.kinematics.loops.crank_swings import crank_swings
 from mechsim.kinematics.loops.design_motion import many_motion
 from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.kinetics import dynamic_model
 from mechsim.kinetics.prescribed_motion import prescribed_along
-from mechsim.mechanism.design_arrays import StartedDesigns
 from mechsim.mechanism.motion import Motion, select_instants
 from mechsim.mechanism.motion_laws import interval_around, no_crank_range_error
 from mechsim.mechanism.quantity import TRANSMISSION
@@ -21,8 +19,6 @@ from mechsim.numerics.arrays import REVOLUTION, ROUNDING, Array
 from mechsim.studies.sweep.measures import MeasureError, NoValueError, Turns
 from mechsim.studies.sweep.task import CrankRows, Measured, Rows, SweepTask, swings_between
 
-# lower and upper dead centre of a crank that swings, in [rad]
-Arc = tuple[float, float]
 # poses solved at once: their arrays fit into a core's cache
 BLOCK = 8192
 # largest length of a stored reason, in characters
@@ -33,12 +29,12 @@ def measured_designs(task: SweepTask, low: int, high: int) -> Measured:
     """Return the measures of designs low to high; designs that fail are reported by their outcome."""
     rows = task.designs.rows(low, high)
     result = task.unmeasured(high - low)
-    remaining, arcs = np.arange(high - low), dict[int, Arc]()
+    remaining = np.arange(high - low)
     if formula := by_one_formula(task):
         remaining = _formula(task, formula, rows, result)
     elif task.loops is not None:
-        remaining, arcs = _loops(task, rows, result)
-    one_by_one(task, rows, remaining, result, arcs)
+        remaining = _loops(task, rows, result)
+    one_by_one(task, rows, remaining, result)
     return result
 
 
@@ -91,8 +87,8 @@ def _turns(task: SweepTask, rows: Mapping[str, Array], motion: Motion) -> Turns:
     return Turns(designs, poses, motion, more)
 
 
-def _loops(task: SweepTask, rows: Mapping[str, Array], result: Measured) -> tuple[Rows, dict[int, Arc]]:
-    """Measure designs by loop equations together; return the others, and the ranges of those that swing."""
+def _loops(task: SweepTask, rows: Mapping[str, Array], result: Measured) -> Rows:
+    """Measure designs by loop equations together; return the others, among them those that swing."""
     assert task.loops is not None
     every = np.arange(len(result.outcome))
     # a catalogue mechanism must turn fully, which the end of the turn shows
@@ -101,30 +97,17 @@ def _loops(task: SweepTask, rows: Mapping[str, Array], result: Measured) -> tupl
     try:
         assembled = task.assembled(rows)
         if assembled is None:
-            return every, {}
+            return every
         started, index = assembled
         motion, valid = many_motion(task.loops, started, angles, task.path_speed, task.measures.joints)
     except (MechsimError, ArithmeticError, np.linalg.LinAlgError):
-        return every, {}
+        return every
     if closed:
         valid &= come_back(motion, len(index))
         motion = select_instants(motion, np.tile(np.arange(len(angles)) < len(task.angles), len(index)))
     with np.errstate(all="ignore"):
         values = task.values(_turns(task, _subset(rows, index), motion))
-    stored = result.store_finite(index, values, valid)
-    others = np.flatnonzero(~np.isin(index, stored))
-    return np.setdiff1d(every, stored), _swing_arcs(task, started.subset(others), index[others])
-
-
-def _swing_arcs(task: SweepTask, started: StartedDesigns, index: Rows) -> dict[int, Arc]:
-    """Return the reachable ranges of designs whose cranks swing, traced together, by the designs' index."""
-    if task.loops is None or not len(index) or not task.subject.solver.motion_laws.crank:
-        return {}
-    try:
-        arcs = crank_swings(task.loops, started)
-    except (MechsimError, ArithmeticError, np.linalg.LinAlgError):
-        return {}
-    return {int(index[row]): arc for row, arc in arcs.items()}
+    return np.setdiff1d(every, result.store_finite(index, values, valid))
 
 
 def come_back(motion: Motion, designs: int) -> NDArray[np.bool_]:
@@ -140,16 +123,14 @@ def _subset(rows: Mapping[str, Array], index: Rows) -> dict[str, Array]:
     return {name: values[index] for name, values in rows.items()}
 
 
-def one_by_one(
-    task: SweepTask, rows: Mapping[str, Array], index: Rows, result: Measured, arcs: Mapping[int, Arc]
-) -> None:
-    """Measure designs one by one, some with a known range of a swinging crank; errors become outcomes."""
+def one_by_one(task: SweepTask, rows: Mapping[str, Array], index: Rows, result: Measured) -> None:
+    """Measure designs one by one; errors become outcomes."""
     for i in index:
         row = np.array([i])
         try:
             made = task.subject.design_family.make({name: float(values[i]) for name, values in rows.items()})
             solver = made.with_closed_guess()
-            arc = arcs.get(int(i)) or swing_arc(solver)
+            arc = swing_arc(solver)
             values = _solved_alone(task, solver, task.revolution if arc is None else task.within(*arc))
             outcome, reason = ("passed", "") if arc is None else ("swings", swings_between(*arc))
         except MeasureError:

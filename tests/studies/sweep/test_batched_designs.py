@@ -25,7 +25,7 @@ def batched_and_single(monkeypatch, task):
     count = task.designs.count
     unbatched = []
     monkeypatch.setattr(
-        "mechsim.studies.sweep.methods.one_by_one", lambda t, r, index, f, arcs: unbatched.extend(index)
+        "mechsim.studies.sweep.methods.one_by_one", lambda t, r, index, f: unbatched.extend(index)
     )
     batched = measured_designs(task, 0, count)
     monkeypatch.undo()
