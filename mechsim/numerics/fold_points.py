@@ -53,7 +53,7 @@ class FoldSegment(Segment[E, Q]):
 
 
 def fold_segment(
-    path: PathStates[E, Q], last: Segment[E, Q], direction: int, margin: float
+    path: PathStates[E, Q], last: Segment[E, Q], direction: int, tolerance: float
 ) -> FoldSegment[E, Q] | None:
     """Return the segment from the last one to a fold point; None if none is close, or it is not resolved.
 
@@ -61,7 +61,7 @@ def fold_segment(
         path: path of the poses.
         last: last segment of the path.
         direction: direction of the path, +1 or -1.
-        margin: distance from the fold point at which the segment ends.
+        tolerance: distance from the fold point at which the segment ends.
     """
     rate = direction * last.derivative().states[-1]
     along = last.states @ rate
@@ -85,17 +85,17 @@ def fold_segment(
     samples = through(nodes, np.column_stack([states, s]))
     if not samples.truncation_error() < MAX_TRUNCATION:
         return None
-    slope, root = samples.derivative(), float(nodes[np.argmax(direction * s)])
-    curvature = slope.derivative()
+    derivative, root = samples.derivative(), float(nodes[np.argmax(direction * s)])
+    curvature = derivative.derivative()
     for _ in range(STEPS):
-        root -= float(slope.value_at(root)[-1] / curvature.value_at(root)[-1])
+        root -= float(derivative.value_at(root)[-1] / curvature.value_at(root)[-1])
     fold = float(samples.value_at(root)[-1])
     u = np.sign(root - nodes) * np.sqrt(np.abs(fold - s))
     ratio = loops.smallest(ERROR) / (np.abs(u) + TINY)
     # otherwise the parameter has no extremum between the nodes
     if not ((direction * (fold - s) > 0.0).all() and (np.diff(u) < 0.0).all() and u[-1] < 0.0 < u[0]):
         return None
-    roots, ends = through(u, states), np.array([last.nodes[-1], fold - direction * margin])
+    roots, ends = through(u, states), np.array([last.nodes[-1], fold - direction * tolerance])
     rows = roots.evaluate(np.sqrt(np.abs(fold - ends)))
     errors = roots.truncation_error(), float(np.abs(rows[0] - last.states[-1]).max())
     if not (ratio.min() > MIN_RATIO * ratio.max() and max(errors) < MAX_ERROR):
@@ -113,14 +113,14 @@ def _on_curve(
     With a step a at constant parameter, and rates b, the shortest step is a + b c, c = -a b / (1 + b b).
     """
     solver, loops = last.solver, path.loops
-    driven, drive = list(loops.driven), np.zeros((loops.count, len(s)))
+    driven, advance = list(loops.driven), np.zeros((loops.count, len(s)))
     for _ in range(STEPS):
         q = path.unflat(states, s)
         linearised = solver.linearise(q)
         change = path.prescribed(s + DIFFERENCE) - path.prescribed(s - DIFFERENCE)
-        drive[driven] = change / (2.0 * DIFFERENCE * loops.units[driven, None])
+        advance[driven] = change / (2.0 * DIFFERENCE * loops.units[driven, None])
         right = np.zeros_like(linearised.rhs)
-        right[:, : len(solver.rows)] = linearised.times(drive)[solver.rows].T
+        right[:, : len(solver.rows)] = linearised.times(advance)[solver.rows].T
         try:
             step, rates = (-linearised.solution(values) for values in (linearised.rhs, right))
         except np.linalg.LinAlgError:
