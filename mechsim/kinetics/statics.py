@@ -407,6 +407,13 @@ def response(
         AssemblyError: if there is no equilibrium.
     """
     linear = nearest_equilibrium(source, forces, initial=initial).linear
+    return response_about(linear, load, output, frequencies)
+
+
+def response_about(
+    linear: LinearModel, load: str, output: str, frequencies: ArrayLike
+) -> NDArray[np.complex128]:
+    """Return the frequency response about an equilibrium as `response`, (n,)."""
     equations = linear.equations
     mechanism = equations.model.mechanism
     displacement = load_displacement(load, mechanism)

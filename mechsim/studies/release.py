@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.errors import AssemblyError, InputError
-from mechsim.kinetics import DynamicModel, DynamicRun, nearest_equilibrium, response, run
+from mechsim.kinetics import DynamicModel, DynamicRun, nearest_equilibrium, run
 from mechsim.kinetics.dynamic_run import Initial
 from mechsim.kinetics.linearization import LinearModel, Mode, states_about
 from mechsim.kinetics.prescribed_motion import InverseDynamics, prescribed
 from mechsim.kinetics.state_quantities import motion_of
-from mechsim.kinetics.statics import Equilibrium
+from mechsim.kinetics.statics import Equilibrium, response_about
 from mechsim.mechanism.motion import Motion
 from mechsim.mechanism.quantities import coordinate_units, moving_points, numeric_quantity
 from mechsim.mechanism.quantity import TRANSMISSION, Quantity, record_columns, unwrapped
@@ -174,12 +174,12 @@ def frequency_response(
         load = f"{load}:{pair}"
     if not (load and colon and output):
         raise InputError(f"response is {text!r}; give LOAD:QUANTITY, as in crank:P.x")
-    modes = nearest_equilibrium(model, initial=initial).modes
-    natural = [mode.frequency for mode in modes if mode.frequency > 0.0] or [1.0]
+    nearest = nearest_equilibrium(model, initial=initial)
+    natural = [mode.frequency for mode in nearest.modes if mode.frequency > 0.0] or [1.0]
     frequency = np.geomspace(
         MIN_FREQUENCY_RATIO * min(natural), MAX_FREQUENCY_RATIO * max(natural), FREQUENCIES
     )
-    values = response(model, load, output, frequency, initial=initial)
+    values = response_about(nearest.linear, load, output, frequency)
     load_unit, unit = (numeric_quantity(name, model.mechanism).unit for name in (load, output))
     effort = "N" if load_unit == "m" else "(N m)"
     return FrequencyResponse(load, output, f"{unit}/{effort}", frequency, values)
