@@ -175,7 +175,8 @@ def _print_equilibria(mechanism: Mechanism, solutions: Sequence[Equilibrium], as
             "yes" if equilibrium.reached else "no",
             number(equilibrium.potential),
             ", ".join(
-                [
+                [f"no force in {name}" for name in equilibrium.open]
+                + [
                     f"stop of {name} presses with {number(force)} {mechanism.effort_unit(name)}"
                     for name, force in equilibrium.stops.items()
                 ]
@@ -219,7 +220,7 @@ def _position(mechanism: Mechanism, equilibrium: Equilibrium) -> str:
 
 
 def _equilibrium_facts(equilibrium: Equilibrium) -> dict[str, Any]:
-    names = ("q", "stable", "dimension", "singular", "reached", "everywhere", "potential", "stops")
+    names = ("q", "stable", "dimension", "singular", "reached", "everywhere", "potential", "stops", "open")
     return files.attributes(equilibrium, *names) | {"modes": [*map(_mode_facts, equilibrium.modes)]}
 
 

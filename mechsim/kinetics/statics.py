@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import combinations, islice
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from mechsim.kinetics.curve_equilibria import EquilibriumCurve, curve_through, e
 from mechsim.kinetics.dynamic_run import Initial, initial_values, require_regular
 from mechsim.kinetics.equations_of_motion import EquationsOfMotion, equations_of_motion
 from mechsim.kinetics.equilibrium_search import RestingState, all_at_rest, distinct, newton_equilibria, same
+from mechsim.kinetics.gaps import GAP, gap_of, with_gaps
 from mechsim.kinetics.initial_state import initial_state, projected
 from mechsim.kinetics.linearization import (
     LinearModel,
@@ -34,7 +36,9 @@ from mechsim.kinetics.state_quantities import (
 )
 from mechsim.mechanism.actuators import Actuator
 from mechsim.mechanism.forces import Forces
+from mechsim.mechanism.joints import Coupling
 from mechsim.mechanism.limits import Ranges, require_count
+from mechsim.mechanism.mechanism import Mechanism
 from mechsim.numerics.arrays import EPS, REVOLUTION, Array, wrapped
 from mechsim.numerics.newton import root
 
@@ -49,6 +53,10 @@ RANDOM_CONFIGURATIONS = 10
 # largest number of sets of stops that are tried for a mechanism with several degrees of freedom: three joints
 # with two stops each have 26 sets, four have 80
 STOP_SETS = 60
+# largest number of sets of contacts and ropes that are open or slack while the others are closed
+OPEN_SETS = 16
+# tensile force of a contact, relative to the largest force of the contacts and ropes, that is rounding
+NO_TENSION = 1e-9
 # length of one of these random steps, in [rad] or characteristic lengths
 RANDOM_STEP = 0.7
 # rate of a driver that gives an impending motion its direction, in [rad/s] or [m/s]: its square is rounding
@@ -78,6 +86,7 @@ class Equilibrium:
             it are not linear, and it is neither stable nor unstable by its linear model.
         stops: coordinate at a limit -> force of its stop on it, in [N m] or [N], which is part of the linear
             model; empty for an equilibrium without a stop.
+        open: contacts that have lifted off, and slack ropes.
     """
 
     q: Mapping[str, float]
@@ -90,6 +99,7 @@ class Equilibrium:
     everywhere: bool = False
     singular: bool = False
     stops: Mapping[str, float] = field(default_factory=dict[str, float])
+    open: tuple[str, ...] = ()
 
 
 def equilibria(
@@ -111,7 +121,8 @@ def equilibria(
     zero. If every configuration of the search is an equilibrium, the initial one is returned. Equilibria
     beyond limits of joints are left out, and those at stops that press are added. With several degrees of
     freedom, the same search runs with coordinates locked at their limits: each alone, and those together
-    beyond which another equilibrium lies, in `STOP_SETS` sets at most.
+    beyond which another equilibrium lies, in `STOP_SETS` sets at most. Contacts only push and ropes only
+    pull: the search is repeated with each set of them open or slack, in `OPEN_SETS` sets at most.
 
     Args:
         source: a mechanism, or an object that has one.
@@ -128,22 +139,77 @@ def equilibria(
     Accuracy: coordinates to about 1e-11 at a regular equilibrium.
     """
     model: DynamicModel = source if isinstance(source, DynamicModel) else dynamic_model(source, forces)
-    equations, initial_q = prepared_equations(model, None, initial or {})
     for name, count in (("starts", starts), ("assemblies", assemblies)):
         require_count(f"{name} of the search", count, MAX_STARTS, "give fewer", least=0)
+    search = starts, assemblies, seed
+    result, laws = _with_closed_contacts(model, initial or {}, search), _one_sided_laws(model.mechanism)
+    if laws:
+        closed = prepared_equations(model, None, initial or {})[0].loops
+        result = [each for each in result if _pushes(each)]
+        sets = (each for count in range(1, len(laws) + 1) for each in combinations(laws, count))
+        for opened in islice(sets, OPEN_SETS):
+            couplings = tuple(law for law in model.mechanism.couplings if law not in opened)
+            without = replace(model, mechanism=replace(model.mechanism, couplings=couplings))
+            try:
+                found = _with_closed_contacts(without, initial or {}, search)
+            except (AssemblyError, InputError):
+                # a link without mass moves freely
+                continue
+            names = tuple(gap_of(model.mechanism, law).removesuffix(GAP) for law in opened)
+            rows = [row for row in closed.couplings if row.coupling in opened]
+            for each in found:
+                errors = np.array([row.evaluate(each.linear.q.values)[0][0] for row in rows])
+                gaps = np.where([row.coupling.rope for row in rows], -errors, errors)
+                if gaps.min() > CLOSED_GAP and _pushes(each):
+                    result.append(replace(each, open=names))
+    return tuple(sorted(result, key=lambda equilibrium: equilibrium.potential))
+
+
+def _with_closed_contacts(
+    model: DynamicModel, initial: Mapping[str, Initial], search: tuple[int, int, int]
+) -> list[Equilibrium]:
+    """Return the equilibria with closed contacts and taut ropes, whatever the signs of their forces.
+
+    `search` are the numbers of starts and assemblies, and the seed.
+    """
+    equations, initial_q = prepared_equations(model, None, initial)
+    starts, assemblies, seed = search
     solutions = _searched(equations, initial_q, starts, assemblies, np.random.default_rng(seed))
     if solutions is None:
         require_regular(equations.kinematics(initial_q, np.zeros_like(initial_q.values)))
         dof = independent_rates(equations, initial_q).shape[1]
-        return (_described(equations, RestingState(initial_q, True, dof, False), everywhere=True),)
+        return [_described(equations, RestingState(initial_q, True, dof, False), everywhere=True)]
     ranges = getattr(model.solver, "ranges", {})
     described = [_described(equations, each) for each in distinct(equations, solutions)]
     if ranges and independent_rates(equations, initial_q).shape[1] == 1:
         described += _at_stops(model, equations, initial_q, ranges)
     elif ranges:
-        described += _at_several_stops(model, equations, (starts, assemblies, seed), described)
-    described = [each for each in described if not _beyond(model, each.q, ranges)]
-    return tuple(sorted(described, key=lambda equilibrium: equilibrium.potential))
+        described += _at_several_stops(model, equations, search, described)
+    return [each for each in described if not _beyond(model, each.q, ranges)]
+
+
+def _one_sided_laws(mechanism: Mechanism) -> list[Coupling]:
+    """Return the laws of contacts that can only push, and of ropes."""
+    return [law for law in mechanism.couplings if gap_of(mechanism, law) and not law.backlash]
+
+
+def _pushes(equilibrium: Equilibrium) -> bool:
+    """Whether contacts push, and ropes pull, that are closed and taut at an equilibrium."""
+    return not _pulling(equilibrium.linear.equations, equilibrium.linear.q)
+
+
+def _pulling(equations: EquationsOfMotion, q: Coordinates, drivers: Sequence[str] = ()) -> list[str]:
+    """Return the contacts that would have to pull, and the ropes to push, to hold a configuration."""
+    mechanism, index_of = equations.model.mechanism, equations.loops.tree.index_of
+    gaps = [gap_of(mechanism, law) for law in _one_sided_laws(mechanism)]
+    if not gaps:
+        return []
+    opening = equations_of_motion(replace(equations.model, mechanism=with_gaps(mechanism)), {})
+    names = opening.loops.tree.index_of
+    values = [q.values[index_of[name]] if name in index_of else np.zeros(1) for name in names]
+    forces = _holding_forces(opening, Coordinates(np.array(values), q.turns), [*gaps, *drivers])
+    largest = max(abs(forces[gap]) for gap in gaps)
+    return [gap.removesuffix(GAP) for gap in gaps if forces[gap] < -NO_TENSION * largest]
 
 
 def _beyond(model: DynamicModel, q: Mapping[str, float], ranges: Ranges) -> dict[str, float]:
@@ -356,8 +422,8 @@ def nearest_equilibrium(
 ) -> Equilibrium:
     """Return the equilibrium that Newton's method reaches from the initial configuration.
 
-    If it reaches none, or another one that is unstable, and `initial` is empty, return the stable equilibrium
-    of least potential energy that `equilibria` finds.
+    If it reaches none, or one where a contact or rope has the wrong sign, or another one that is unstable,
+    and `initial` is empty, return the stable equilibrium of least potential energy that `equilibria` finds.
 
     Raises:
         AssemblyError: if there is no such equilibrium.
@@ -366,7 +432,8 @@ def nearest_equilibrium(
     (solution,) = newton_equilibria(equations, q)
     if solution is not None:
         nearest = _described(equations, distinct(equations, [(solution, True)])[0])
-        if initial or nearest.stable is not False or same(equations, q, solution):
+        wanted = initial or nearest.stable is not False or same(equations, q, solution)
+        if wanted and _pushes(nearest):
             return nearest
     stable = [each for each in equilibria(source, forces) if each.stable] if not initial else []
     if not stable:
@@ -433,7 +500,8 @@ def holding(
     For redundant drivers it is the minimum-norm solution.
 
     Raises:
-        InputError: at a dead centre at which forces move the mechanism whatever the drivers' force.
+        InputError: at a dead centre at which forces move the mechanism whatever the drivers' force, and where
+            a contact would have to pull, or a rope to push.
     """
     equations, q = prepared_equations(source, forces, initial or {})
     drivers, index_of = equations.model.mechanism.drivers, equations.loops.tree.index_of
@@ -448,6 +516,11 @@ def holding(
         raise InputError(
             f"{equations.model.mechanism.name}: no force in {', '.join(drivers)} holds the initial "
             "configuration, a dead centre; give another one"
+        )
+    if pulling := _pulling(equations, q, drivers):
+        raise InputError(
+            f"{equations.model.mechanism.name}: nothing holds the initial configuration, where "
+            f"{', '.join(pulling)} would have to pull as a contact, or to push as a rope; give another one"
         )
     return _holding_forces(equations, q, drivers)
 

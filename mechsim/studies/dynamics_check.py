@@ -418,6 +418,8 @@ def crosscheck_equilibrium(equilibrium: Equilibrium, model: DynamicModel) -> Ver
         model: the model of the equilibrium.
     """
     linear = equilibrium.linear
+    if equilibrium.open:
+        model = replace(model, mechanism=linear.equations.model.mechanism)
     index_of = linear.equations.loops.tree.index_of
     coordinates = {name: float(linear.q.values[i, 0]) for name, i in index_of.items()}
     at_rest = linear.equations.kinematics(linear.q, np.zeros((len(linear.q.values), 1)))
