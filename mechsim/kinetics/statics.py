@@ -151,13 +151,13 @@ def equilibria(
             couplings = tuple(law for law in model.mechanism.couplings if law not in opened)
             without = replace(model, mechanism=replace(model.mechanism, couplings=couplings))
             try:
-                found = _with_closed_contacts(without, initial or {}, search)
+                results = _with_closed_contacts(without, initial or {}, search)
             except (AssemblyError, InputError):
                 # a link without mass moves freely
                 continue
             names = tuple(gap_of(model.mechanism, law).removesuffix(GAP) for law in opened)
             rows = [row for row in closed.couplings if row.coupling in opened]
-            for each in found:
+            for each in results:
                 errors = np.array([row.evaluate(each.linear.q.values)[0][0] for row in rows])
                 gaps = np.where([row.coupling.rope for row in rows], -errors, errors)
                 if gaps.min() > CLOSED_GAP and _pushes(each):
@@ -432,8 +432,8 @@ def nearest_equilibrium(
     (solution,) = newton_equilibria(equations, q)
     if solution is not None:
         nearest = _described(equations, distinct(equations, [(solution, True)])[0])
-        wanted = initial or nearest.stable is not False or same(equations, q, solution)
-        if wanted and _pushes(nearest):
+        requested = initial or nearest.stable is not False or same(equations, q, solution)
+        if requested and _pushes(nearest):
             return nearest
     stable = [each for each in equilibria(source, forces) if each.stable] if not initial else []
     if not stable:
