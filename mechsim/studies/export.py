@@ -188,10 +188,11 @@ def require_compatible(
         raise InputError("--scene, --speed and settings are for MuJoCo models; leave them out")
     if style not in STYLES:
         raise InputError(f"there is no style {style!r}; choose from {', '.join(STYLES)}")
-    if style == "menagerie" and (format != "xml" or scene != LEVEL or speed is not None):
+    own = format != "xml" or scene != LEVEL or speed is not None or "drive_inertia" in settings
+    if style == "menagerie" and own:
         raise InputError(
-            "the style menagerie has its own scene, actuators and keyframe; leave out --format, --scene "
-            "and --speed"
+            "the style menagerie has its own scene, actuators and keyframe; leave out --format, --scene, "
+            "--speed and drive_inertia"
         )
 
 
@@ -218,11 +219,20 @@ def _menagerie_text(
 
     scene = Scene(level="picture", forces=solver.forces)
     spec = exported(solver.mechanism, scene)
-    settings = {"constant_steps": TIME_CONSTANT_STEPS, **settings}
-    step = SERVO_TIMESTEP if timestep is None else timestep
-    plain_settings(settings, step, float(spec.option.timestep), crank_speed(SPEED)).put_into(spec)
+    _put_settings(spec, settings, SERVO_TIMESTEP if timestep is None else timestep, crank_speed(SPEED))
     spec = with_servos(spec, solver.mechanism, scene.acting, solver.ranges)
     return to_xml(spec), _omitted(solver, "MJCF", spec, solver.ranges)
+
+
+def _put_settings(
+    spec: mujoco.MjSpec, settings: Mapping[str, Any], timestep: float | str | None, speed: float
+) -> None:
+    """Put settings into a model, with a time constant of some steps where none is stated."""
+    if "solref" not in settings:
+        settings = {"constant_steps": TIME_CONSTANT_STEPS, **settings}
+    plain_settings(settings, timestep, float(spec.option.timestep), speed).put_into(spec)
+    if "drive_inertia" in settings:
+        set_drive_inertia(spec, settings["drive_inertia"])
 
 
 def _omitted(solver: KinematicSolver, container: str, spec: mujoco.MjSpec, ranges: Ranges) -> str:
@@ -252,11 +262,7 @@ def _mjcf_text(
     container = "MJCF" if scene.holds("dynamics") else f"the scene {level}"
     omitted = _omitted(solver, container, spec, ranges)
     rate = crank_speed(SPEED if speed is None else speed)
-    if "solref" not in settings:
-        settings = {"constant_steps": TIME_CONSTANT_STEPS, **settings}
-    plain_settings(settings, timestep, float(spec.option.timestep), rate).put_into(spec)
-    if "drive_inertia" in settings:
-        set_drive_inertia(spec, settings["drive_inertia"])
+    _put_settings(spec, settings, timestep, rate)
     if speed is not None:
         from mechsim.studies.scene import tune_model
 
