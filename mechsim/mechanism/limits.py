@@ -67,8 +67,7 @@ def require_within(
         position = values[joint]
         beyond = np.maximum(low - position, position - high)
         worst = int(np.argmax(beyond)) if len(beyond) else 0
-        width = high - low if abs(high - low) < np.inf else 0.0
-        if len(beyond) and beyond[worst] > ROUNDING * max(1.0, width):
+        if len(beyond) and beyond[worst] > ROUNDING * max(1.0, abs(position[worst])):
             raise AssemblyError(
                 f"{name}: joint {joint!r} would be at {position[worst]:.6g} {units[joint]}, beyond its "
                 f"range of {low:.6g} to {high:.6g}, at {describe(worst)}; widen the range, start within it "

@@ -60,3 +60,12 @@ def test_a_passive_joint_named_crank_is_rejected():
     other = replace(four_bar, joints=joints, driver="motor")
     with pytest.raises(ms.InputError, match=r"joint 'crank' is not the driver.*; rename the joint$"):
         exported(other, ms.Scene())
+
+
+def test_angles_of_a_file_in_degrees_are_written_in_radians():
+    joint = '<joint name="j" range="-30.125 40" limited="true" ref="5.5" springref="7.25" stiffness="2"/>'
+    text = f'<mujoco><worldbody><body name="b">{joint}<geom size=".1"/></body></worldbody></mujoco>'
+    model = mujoco.MjModel.from_xml_string(text)
+    written = mujoco.MjModel.from_xml_string(to_xml(mujoco.MjSpec.from_string(text)))
+    for name in ("qpos0", "qpos_spring", "jnt_range"):
+        np.testing.assert_allclose(getattr(written, name), getattr(model, name), rtol=1e-14)

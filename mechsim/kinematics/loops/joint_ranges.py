@@ -49,8 +49,7 @@ class JointRanges:
         if end < start:
             parameters, values = parameters[::-1], {name: value[::-1] for name, value in values.items()}
         excess = self._excess(values)
-        widths = (high - low for low, high in (self.ranges[name] for name in values))
-        slack = ROUNDING * max([1.0, *(width for width in widths if width < np.inf)])
+        slack = ROUNDING * max(1.0, *(float(np.abs(value).max()) for value in values.values()))
         if not (excess > slack).any():
             return end
         first = int(np.argmax(excess > slack))

@@ -108,13 +108,15 @@ def plainly_compiled(spec: mujoco.MjSpec, warned: list[str] | None = None) -> mu
 
 # elements whose numbers MuJoCo's writer rounds to six digits: path, kind, attributes
 EXACT_ATTRIBUTES = (
-    (".//body/joint", "joint", "pos axis ref armature stiffness springref damping frictionloss"),
+    (".//body/joint", "joint", "pos axis range ref armature stiffness springref damping frictionloss"),
     ("./worldbody//site", "site", "pos quat"),
     ("equality/*", "equality", "solref solimp"),
     ("tendon/*", "tendon", "stiffness damping springlength frictionloss"),
     ("actuator/*", "actuator", "gainprm biasprm gear"),
     ("keyframe/key", "key", "qpos qvel ctrl"),
 )
+# attributes of a joint that are angles unless it slides
+ANGLES = {"range", "ref", "springref"}
 # attributes of `inertial` -> field of the body's specification
 INERTIAL = {"pos": "ipos", "quat": "iquat", "mass": "mass", "diaginertia": "inertia"}
 DEFAULT = {"pos": (0.0, 0.0, 0.0), "quat": (1.0, 0.0, 0.0, 0.0), "axis": (0.0, 0.0, 1.0), "ref": (0.0,)}
@@ -134,7 +136,12 @@ def to_xml(spec: mujoco.MjSpec) -> str:
             _rewrite_inertial(inertial, owner)
     for path, kind, attributes in EXACT_ATTRIBUTES:
         for element in root.iterfind(path):
-            _rewrite(element, getattr(spec, kind)(element.get("name")), attributes.split())
+            source = getattr(spec, kind)(element.get("name"))
+            _rewrite(element, source, attributes.split())
+            # the text is in radians, a specification in its own unit
+            if kind == "joint" and spec.compiler.degree and source.type != mujoco.mjtJoint.mjJNT_SLIDE:
+                for name in ANGLES & element.attrib.keys():
+                    element.set(name, _text(np.deg2rad(np.atleast_1d(getattr(source, name)))))
     for coupling in root.iterfind("equality/joint"):
         coupling.set("polycoef", _text(spec.equality(coupling.get("name")).data[:5]))
     ET.indent(root)
