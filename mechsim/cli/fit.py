@@ -9,10 +9,12 @@ import numpy as np
 
 from mechsim import files, units
 from mechsim.cli.command import Result, Stated, Without, command, output_file
+from mechsim.cli.load_options import note_replaced
 from mechsim.cli.options import SPEED, ModelOptions
 from mechsim.cli.output import Value, number, print_table, print_text
 from mechsim.cli.progress import progress
 from mechsim.errors import InputError, several
+from mechsim.io.readers import load
 from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.mechanism.quantities import scalar_quantities
 from mechsim.studies.calibration import Fit, fit_dimensions
@@ -103,6 +105,8 @@ def fit(
     quantities = scalar_quantities([*single(measured.values, moved).values()], solver.mechanism)
     timed = any(quantity.order or quantity.loaded for quantity in quantities)
     stated.exclude(["speed"], "on measured positions", not timed)
+    if any(quantity.loaded for quantity in quantities):
+        note_replaced(solver)
     with progress("fit", None) as report:
         names = [name for name in options.vary if name != moved.offset]
         offset = len(names) < len(options.vary)
@@ -140,6 +144,7 @@ def _identify(source: ModelOptions, vary: Sequence[str], table: str, output: str
     arguments = {name: value for name, value in source.load_arguments().items() if name not in FROM_LOG}
     with progress("fit", None):
         result = identify(source.model, read_measured(table), vary, where=table, **arguments)
+        note_replaced(load(source.model, **arguments, still=True))
     if output is not None:
         files.write_json(output, result)
     return Result(result, lambda: _print_identified(result), result.outcome == "fitted", [output])

@@ -8,8 +8,7 @@ import numpy as np
 
 from mechsim.cli import dynamics_report
 from mechsim.cli.command import Result, Stated, Without, command, table_or_plot_file
-from mechsim.cli.exit_codes import notes
-from mechsim.cli.load_options import LoadOptions
+from mechsim.cli.load_options import LoadOptions, note_replaced
 from mechsim.cli.options import ModelOptions
 from mechsim.cli.output import DRAWN, number, print_text, without_noise
 from mechsim.cli.progress import progress, sections
@@ -88,11 +87,8 @@ def inverse(
     options.check()
     model = loads.dynamic_model(source.load_moving(by_motors=True))
     stated.exclude(CRANK_ONLY, "under motion laws", not model.solver.motion_laws.crank)
-    if replaced := model.forces.replaced_by_motion:
-        notes.append(
-            f"{model.mechanism.name}: the prescribed motion replaces {', '.join(replaced)} of the file"
-        )
-        model = replace(model, forces=model.forces.without_motor())
+    note_replaced(model.solver)
+    model = replace(model, forces=model.forces.without_motor())
     try:
         result = _prescribed(model, options, verbose)
     except FrictionError as error:

@@ -156,6 +156,12 @@ class LoadOptions:
         return dynamic_model(solver, forces)
 
 
+def note_replaced(solver: KinematicSolver) -> None:
+    """Note which forces of a file a prescribed motion replaces: its torques are without them."""
+    if replaced := forces_of(solver).replaced_by_motion:
+        notes.append(f"{solver.name}: the prescribed motion replaces {', '.join(replaced)} of the file")
+
+
 def masses_in_json(masses: Sequence[LinkMass]) -> dict[str, Any]:
     """Return the entry of a JSON object; empty if no masses are used."""
     return {"masses": masses} if masses else {}

@@ -8,7 +8,7 @@ import numpy as np
 
 from mechsim import files, units
 from mechsim.cli.command import Result, Stated, Without, command, table_file
-from mechsim.cli.load_options import masses_in_json, print_masses
+from mechsim.cli.load_options import masses_in_json, note_replaced, print_masses
 from mechsim.cli.options import SPEED, ModelOptions, warn_about_angles
 from mechsim.cli.output import DEGREES, Value, print_table, print_text, without_noise
 from mechsim.errors import InputError
@@ -96,7 +96,10 @@ def sensitivity(
     study = None if tolerances is None else tolerance_study(table, tolerances)
     if output is not None:
         files.write_table(output, dict(table.columns()) | dict(() if study is None else study.columns()))
-    masses = moved.dynamic_model(solver).masses if table.moved.loaded(table.values) else ()
+    loaded = table.moved.loaded(table.values)
+    masses = moved.dynamic_model(solver).masses if loaded else ()
+    if loaded:
+        note_replaced(solver)
 
     def text() -> None:
         if study is None:

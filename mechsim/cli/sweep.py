@@ -9,7 +9,7 @@ import numpy as np
 import typer
 
 from mechsim.cli.command import Result, Stated, Without, command, output_file
-from mechsim.cli.load_options import masses_in_json, print_masses
+from mechsim.cli.load_options import masses_in_json, note_replaced, print_masses
 from mechsim.cli.options import ModelOptions, Speed
 from mechsim.cli.output import Value, number, print_table, print_text
 from mechsim.cli.progress import progress
@@ -87,6 +87,8 @@ def sweep(
         samples=options.samples,
         speed=crank_speed(options.speed),
     )
+    if task.measures.loaded:
+        note_replaced(subject.solver)
     moving = task.measures.rated or task.measures.loaded or task.measures.includes("function")
     stated.exclude(["speed"], "on measures of positions", not moving)
     with progress("sweep", None) as report:

@@ -40,8 +40,8 @@ def _reference_motion(code: SolverCode) -> tuple[Motion, Instants]:
     if laws.crank:
         if not assembly.mechanism.has_crank:
             raise InputError(
-                f"{source.name}: a test needs to know how {', '.join(assembly.drivers)} move; give motion "
-                "laws, as --drive NAME=LAW"
+                f"{source.name}: a test needs the motion of {', '.join(assembly.drivers)}; give motion laws, "
+                "as --drive NAME=LAW"
             )
         low, high = assembly.interval or (start - np.pi, start + np.pi)
         inset, speed, acceleration = INSET * (high - low), SPEED, ACCELERATION

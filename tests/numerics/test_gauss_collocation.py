@@ -66,6 +66,15 @@ def test_a_kink_in_time_is_resolved():
     assert solver.y == pytest.approx([0.5 * (0.3**2 + 0.7**2)], abs=100.0 * rtol)
 
 
+def test_jumps_before_the_first_node_of_a_step_and_after_its_last_are_resolved():
+    """y' = 1 until an instant, -1 after it: at the end of the run twice the instant less the duration."""
+    for instant in np.linspace(0.3, 0.9, 61):
+        solver, _ = integrated(
+            lambda times, _, t=instant: np.where(times < t, 1.0, -1.0)[:, None], [0.0], 1.0
+        )
+        assert solver.y == pytest.approx([2.0 * instant - 1.0], abs=1e-11)
+
+
 def test_steps_end_before_states_without_derivative():
     def derivatives(times, states):
         return np.where(states < 1.0, 1.0, np.nan)

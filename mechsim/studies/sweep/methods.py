@@ -178,7 +178,12 @@ def _solved_alone(task: SweepTask, solver: KinematicSolver, crank: CrankRows) ->
     more: dict[str, Array] = {}
     if task.measures.loaded:
         study = prescribed_along(dynamic_model(solver), angles, path_speed, acceleration)
-        more = {name: column.reshape(shape) for name, column in study.columns()}
+        columns = dict(study.columns())
+        # a crank under a motion law is a drive
+        driver_column = f"drive {solver.mechanism.drivers[0]}"
+        if driver_column in columns:
+            columns.setdefault("torque", columns[driver_column])
+        more = {name: column.reshape(shape) for name, column in columns.items()}
     if task.measures.includes(TRANSMISSION):
         more[TRANSMISSION] = solver.required_transmission_angle(angles).reshape(shape)
     turns = Turns(1, len(angles), motion, more)
