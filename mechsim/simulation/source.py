@@ -19,7 +19,7 @@ from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.custom_model import closed_loops, closed_state, from_file, from_spec
 from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.simulation.mjcf.generator import generate
-from mechsim.simulation.mjcf.joints import CRANK, model_names
+from mechsim.simulation.mjcf.joints import CRANK, PASSIVE_CRANK, model_names
 from mechsim.simulation.mjcf_reader.mjcf_model import MjcfModel
 from mechsim.simulation.model_loops import ModelLoops
 
@@ -122,7 +122,7 @@ def from_mechanism(
         for i, name in enumerate(joint.coordinates)
         if name in name_of
     }
-    named = called if follows_laws else called | {CRANK: (CRANK, None)}
+    named = called if follows_laws or PASSIVE_CRANK in called else called | {CRANK: (CRANK, None)}
     drivers = tuple(name_of[name] for name in mechanism.drivers) if follows_laws else CRANK
     closed = from_spec(spec, points, drivers, coordinates=named, laws=mechanism.named_laws)
     hidden = frozenset(closed.track.links) - {link.name for link in mechanism.links}

@@ -53,11 +53,6 @@ def generate(mechanism: Mechanism, scene: Scene, poses: Mapping[str, Pose] | Non
         and NAME.2, a cylindrical one NAME.way and NAME.turn. At level "picture",
         `pictures.render.scenery` adds the picture later.
     """
-    if mechanism.has_crank and CRANK in {joint.name for joint in mechanism.joints} - {mechanism.crank.name}:
-        raise InputError(
-            f"{mechanism.name}: joint {CRANK!r} is not the driver, but MuJoCo models reserve this name for "
-            "the driver's hinge; rename the joint"
-        )
     forces = scene.acting if scene.holds("dynamics") else None
     rubbing = {friction.joint for friction in forces.friction if friction.dry} if forces else ()
     acting = forces.uncut if forces else ()

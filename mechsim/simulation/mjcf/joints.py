@@ -5,6 +5,7 @@ Each coordinate of a joint is a separate hinge or slide; a spherical joint has a
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 
 import mujoco
 import numpy as np
@@ -19,7 +20,8 @@ from mechsim.numerics.arrays import Array
 
 BALL = mujoco.mjtJoint.mjJNT_BALL
 SLIDE, HINGE = mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE
-CRANK = "crank"
+# name of the driver's hinge, and of a joint with this name that is not the driver
+CRANK, PASSIVE_CRANK = "crank", "crank, no driver"
 JOINT_TERM = mujoco.mjtWrap.mjWRAP_JOINT
 # what a generated tendon of joints can have
 TENDON_VALUES = ("armature", "frictionloss", "stiffness", "damping", "springlength")
@@ -46,7 +48,8 @@ def part_names(mechanism: Mechanism, joint: Joint) -> list[str]:
     """Return the names of the model's joints for a joint, in the order of its coordinates; a ball is last."""
     if mechanism.has_crank and joint.name == mechanism.crank.name:
         return [CRANK]
-    return [*joint.coordinates, joint.name] if KINDS[joint.kind].ball else list(joint.coordinates)
+    names = [*joint.coordinates, joint.name] if KINDS[joint.kind].ball else list(joint.coordinates)
+    return [PASSIVE_CRANK if mechanism.has_crank and name == CRANK else name for name in names]
 
 
 def model_names(mechanism: Mechanism) -> dict[str, str]:
@@ -60,9 +63,10 @@ def model_names(mechanism: Mechanism) -> dict[str, str]:
 
 def rename_crank(spec: mujoco.MjSpec, name: str) -> None:
     """Give the crank of a generated model its own name, also in actuators, equalities and tendons."""
+    own = {CRANK: name, PASSIVE_CRANK: CRANK}
     for tendon in list(spec.tendons):
         terms = [(wrap.target.name, wrap.coef) for wrap in tendon.path if wrap.type == JOINT_TERM]
-        if CRANK in dict(terms):
+        if own.keys() & dict(terms):
             # the terms of a tendon keep the name of their joint: another one takes its values
             renamed, label = spec.add_tendon(), tendon.name
             for key in TENDON_VALUES:
@@ -70,14 +74,16 @@ def rename_crank(spec: mujoco.MjSpec, name: str) -> None:
             spec.delete(tendon)
             renamed.name = label
             for joint, weight in terms:
-                renamed.wrap_joint(name if joint == CRANK else joint, weight)
-    spec.joint(CRANK).name = name
+                renamed.wrap_joint(own.get(joint, joint), weight)
+    # the crank first, so that no two joints have one name
+    for joint in sorted((joint for joint in spec.joints if joint.name in own), key=attrgetter("name")):
+        joint.name = own[joint.name]
     for actuator in spec.actuators:
-        actuator.target = name if actuator.target == CRANK else actuator.target
+        actuator.target = own.get(actuator.target, actuator.target)
     for equality in spec.equalities:
         if equality.type == mujoco.mjtEq.mjEQ_JOINT:
             equality.name1, equality.name2 = (
-                name if joint == CRANK else joint for joint in (equality.name1, equality.name2)
+                own.get(joint, joint) for joint in (equality.name1, equality.name2)
             )
 
 
