@@ -1,8 +1,9 @@
 """Assembly in coordinates of the tree, from the guess or random starts, and messages for open loops."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from mechsim.mechanism.link_poses import guessed_poses, initial_coordinates
 from mechsim.mechanism.links import GROUND, IDENTITY, VIRTUAL_PREFIX, Pose, vector
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.numerics.arrays import REVOLUTION, Array
+from mechsim.numerics.graphs import components
 from mechsim.numerics.loop_solver import MIN_UNKNOWNS, LoopSystem
 from mechsim.numerics.newton import NewtonResult, NewtonSettings, newton, square_solution
 from mechsim.numerics.rank import RANK_TOLERANCE, SPARSE, least_norm, rank, right_vectors, significant
@@ -535,6 +537,9 @@ def closed_start(mechanism: Mechanism) -> tuple[Mechanism, str]:
 def with_requested_start(mechanism: Mechanism, requested: Mapping[str, float]) -> Mechanism:
     """Return a mechanism in the assembly nearest to requested coordinates; other drivers keep stated values.
 
+    Loops without a requested coordinate keep the assembly that they have without a request, and where only
+    drivers are requested, joints between links with a guess are near it.
+
     Raises:
         AssemblyError: if the loops do not close.
     """
@@ -547,11 +552,31 @@ def with_requested_start(mechanism: Mechanism, requested: Mapping[str, float]) -
     # joints without coordinates, such as of floating bases, keep the guess of their links
     loose = {joint.b.link for joint in mechanism.joints if not joint.coordinates}
     guess = {link: pose for link, pose in mechanism.guess.items() if link in loose}
-    started = with_closed_guess(replace(described, guess=guess, guess_coordinates=stated, start=start))
+    values = {**_unmoved_values(mechanism, requested), **stated}
+    started = with_closed_guess(replace(described, guess=guess, guess_coordinates=values, start=start))
     poses, values = start_poses(started)
     coordinates = {name: values[name] for name in (*mechanism.guess_coordinates, *mechanism.drivers, *stated)}
     start = started.start if mechanism.has_crank else 0.0
     return replace(started, driver=mechanism.driver, guess=poses, guess_coordinates=coordinates, start=start)
+
+
+def _unmoved_values(mechanism: Mechanism, requested: Collection[str]) -> dict[str, float]:
+    """Return the coordinates, in [m] or [rad], that a request leaves as they are, as nearly as loops let."""
+    try:
+        loops, q = assembled(mechanism, requested)
+    except AssemblyError:
+        poses = guessed_poses(mechanism)
+        initial = {**dict.fromkeys(requested, 0.0), **initial_coordinates(mechanism, poses)}
+        loops, q = tree_loops(mechanism, poses, initial)
+    index_of = loops.tree.index_of
+    rows = [np.flatnonzero(row).tolist() for row in loops.linearise(q)[1][:, :, 0]]
+    moved = {index_of.get(name) for name in requested}
+    for joined in components(range(loops.tree.count), [pair for row in rows for pair in pairwise(row)]):
+        moved |= joined if joined & moved else set()
+    guessed = {GROUND, *mechanism.guess} if {*requested} <= {*mechanism.drivers} else set[str]()
+    between = (joint.coordinates for joint in mechanism.joints if guessed.issuperset(joint.links))
+    unmoved = {name for name, i in index_of.items() if i not in moved}.union(*between)
+    return {name: value for name, value in _poses_and_values(loops, q)[1].items() if name in unmoved}
 
 
 def _is_closed_guess(mechanism: Mechanism, poses: Mapping[str, Pose]) -> bool:
