@@ -16,7 +16,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from mechsim.errors import AssemblyError, FrictionError, MissingToolError, OutputError
+from mechsim.errors import AssemblyError, FrictionError, MissingToolError, OutputError, several
 from mechsim.kinetics.compiled_model import CompiledModel, NotCompiledError, compiled_model
 from mechsim.kinetics.compiled_motion import (
     BLOCKED,
@@ -46,6 +46,7 @@ from mechsim.kinetics.initial_state import StateLayout
 from mechsim.kinetics.link_forces import kinetic_energy
 from mechsim.kinetics.right_hand_side import RightHandSide, crossing
 from mechsim.mechanism.finding import Outcome
+from mechsim.mechanism.load_profile import Interpolated
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.gauss_collocation import STIFF_NODES, GaussCollocation, StepSolution
 from mechsim.numerics.newton import root
@@ -103,6 +104,8 @@ BUDGET = 500_000
 # states after which a run ends if at its pace it needs more than `HOPELESS` budgets: four seconds with few
 # links, and more than a hundred impacts
 EARLY, HOPELESS = 20_000, 20.0
+# number of rows of a load table above which a run that spends its budget names it
+MANY_ROWS = 1_000
 # smallest number of steps of a run under forces over time: their 24 nodes resolve forces that last 1/300 of
 # the run
 LEAST_STEPS = 20
@@ -554,8 +557,13 @@ class Integration:
                 return None
             remedy = f"weaker forces, since {self.duration:g} s at this pace need {needed:.1g} states"
         states = min(evaluated, self.budget)
+        tables = [profile.value for profile in self.equations.model.forces.load_profiles]
+        rows = max((len(each.spline.c) for each in tables if isinstance(each, Interpolated)), default=0)
+        if rows > MANY_ROWS:
+            remedy += f", or fewer than the {rows:,} rows of a load table, which bends at each of them"
+        events = several(len(self.events), "impact or change", "impacts and changes")
         return "work budget spent", (
-            f"{self.steps:,} steps with {len(self.events):,} impacts and changes of friction evaluate "
+            f"{self.steps:,} steps with {events} of friction evaluate "
             f"{states:,} states by {self.time:.6g} s; give a shorter duration or {remedy}"
         )
 

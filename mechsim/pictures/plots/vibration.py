@@ -77,15 +77,18 @@ def quantity_plot(motion: Motion, quantities: Mapping[str, Array]) -> Figure:
 
 
 def _coordinates(ax: Axes, time: Array, motion: Motion, unit: str) -> None:
-    """Draw the coordinates of joints with one unit."""
+    """Draw the coordinates of joints with one unit; those below rounding of the largest are zero."""
     curves: dict[str, Array] = {}
     for name, joint in motion.joints.items():
         if joint.unit == unit:
             values = joint.value.reshape(len(time), -1)
             for k, column in enumerate(values.T):
                 curves[f"{name}.q{k if values.shape[1] > 1 else ''}"] = column
+    # of angles one radian, of lengths the distance of the points from the origin
+    sizes = [np.ones(1)] if unit == "rad" else [point.position for point in motion.points.values()]
+    scale = max(float(np.abs(values).max(initial=0.0)) for values in [*sizes, *curves.values()])
+    curves = {name: np.where(np.abs(q) < figures.ROUNDED * scale, 0.0, q) for name, q in curves.items()}
     factor, text = figures.draw_curves(ax, time, curves, "angle" if unit == "rad" else "displacement", unit)
-    scale = max(float(np.abs(values).max(initial=0.0)) for values in curves.values())
     figures.flattened(ax, scale / factor, text)
     ax.legend(**LEGEND_RIGHT)
 

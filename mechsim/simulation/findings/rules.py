@@ -31,6 +31,12 @@ from mechsim.simulation.state import limited_joints
 DRAWN, SEED = 200, 0
 # fraction of closed configurations that a passive joint's limits may reject without a finding
 REJECTED = 0.01
+# transmission of an actuator that the dynamics leaves out -> what it acts by
+TRANSMISSIONS = {
+    int(mujoco.mjtTrn.mjTRN_SITE): "the force of a site",
+    int(mujoco.mjtTrn.mjTRN_SLIDERCRANK): "a slider-crank of sites",
+    int(mujoco.mjtTrn.mjTRN_BODY): "the contacts of a body",
+}
 
 
 def violations(read: MjcfModel) -> list[Finding]:
@@ -39,7 +45,7 @@ def violations(read: MjcfModel) -> list[Finding]:
         scene, path = Inspected(read), None
         with suppress(MechsimError, FloatingPointError, np.linalg.LinAlgError):  # no loops, or open ones
             path = straight_path(scene.model, None, scene.sample_states[scene.regular[0]])
-        reported = list(findings_in(scene))
+        reported = [*findings_in(scene), *_unread_actuators(scene)]
         if path is not None:
             fighting = {finding.object for finding in reported if finding.kind == "actuator"}
             reported += [each for each in _passive_actuators(scene, path) if each.object not in fighting]
@@ -83,6 +89,15 @@ def _passive_actuators(scene: Inspected, path: StraightPath) -> Iterator[Finding
             message = f"actuator {name} acts on {joint_name}, which the {reason}"
             remedy = f"leave {name} out, or give all of them forces that agree"
             yield scene.finding("passive-actuator", None, 1.0, message, remedy, name)
+
+
+def _unread_actuators(scene: Inspected) -> Iterator[Finding]:
+    """Yield actuators whose transmission the dynamics leaves out."""
+    names, kinds = actuator_names(scene.model), scene.model.actuator_trntype.tolist()
+    for name, kind, element in zip(names, kinds, scene.read.spec.actuators, strict=True):
+        if kind in TRANSMISSIONS:
+            message = f"actuator {name} acts by {TRANSMISSIONS[kind]}, which the dynamics leaves out"
+            yield scene.finding("unread", element, 1.0, message, "let it act on a joint or a tendon", name)
 
 
 def _determined(scene: Inspected, dof: int, actuated: set[int]) -> bool:
