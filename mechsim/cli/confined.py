@@ -83,6 +83,8 @@ def confine(folder: Path) -> None:
     system = [*SYSTEM.split(), os.devnull, os.environ.get("SYSTEMROOT", "")]
     folders = [*sysconfig.get_paths().values(), *sys.path, sys.prefix, sys.base_prefix, *system]
     readable = [*own, *(Path(name) for name in folders if name)]
+    # libraries can be links into a cache of packages
+    readable += [path for path in Path(sysconfig.get_path("purelib")).iterdir() if path.is_symlink()]
     readable += [Path(os.path.realpath(path)) for path in readable]
 
     def hook(event: str, details: tuple[Any, ...]) -> None:

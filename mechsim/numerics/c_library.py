@@ -16,7 +16,7 @@ from mechsim.errors import MechsimError, MissingToolError, OutputError
 
 COMPILERS = ("cc", "gcc", "clang")
 FLAGS = ("-std=c99", "-O2", "-fPIC", "-shared")
-# longest time of a compiler in [s]; the largest generated solvers take a few seconds
+# longest time of a compiler in [s] on an idle machine; the largest generated solvers take a few seconds
 TIME_LIMIT = 30.0
 
 
@@ -98,13 +98,16 @@ def compile_library(command: str, text: str, path: Path, flags: Sequence[str] = 
 
 
 def _run_compiler(command: str, arguments: list[str]) -> None:
+    # other processes share the processors
+    load = os.getloadavg()[0] / (os.cpu_count() or 1) if hasattr(os, "getloadavg") else 1.0
+    limit = TIME_LIMIT * max(1.0, load)
     try:
         result = subprocess.run(
-            [command, *arguments], capture_output=True, text=True, check=False, timeout=TIME_LIMIT
+            [command, *arguments], capture_output=True, text=True, check=False, timeout=limit
         )
         first = next(iter(result.stderr.strip().splitlines()), "no message") if result.returncode else ""
     except subprocess.TimeoutExpired:
-        first = f"it does not end within {TIME_LIMIT:g} s"
+        first = f"it does not end within {limit:.3g} s"
     if first:
         raise MissingToolError(f"the C compiler {command} fails: {first}; set CC to one that compiles C99")
 
