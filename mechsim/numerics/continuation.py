@@ -232,7 +232,11 @@ class ContinuationPath(PathStates[E, Q]):
         """Return a segment through closed nodes, None if it is rejected, and the length to try next."""
         step, solver = segment.length, segment.solver
         if closed.linearised.least_singular_value(ESTIMATE) < NEARLY_SINGULAR:
-            closed = self.closed(solver, segment.nodes, closed.states) or closed
+            # otherwise nodes up to 1e-7 rad beyond a dead centre count as closed
+            rounded = self.closed(solver, segment.nodes, closed.states)
+            if rounded is None:
+                return None, self.control.shrink * step
+            closed = rounded
         error, loops = closed.error, closed.linearised
         if error[0] > CONTROL.max_error:
             return None, self.control.shrink * step
