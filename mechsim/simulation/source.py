@@ -74,12 +74,17 @@ def from_source(
         closed = replace(closed, note="; ".join(read.remarks))
     else:
         spec = assembled(model, (scene or Scene()).under(getattr(source, "forces", None)))
-        if not model.points:
-            raise InputError("the model has no point to track; list one under [points]")
+        require_points(model)
         follows_laws = not model.has_crank or not (drivers is None or isinstance(drivers, str))
         closed = from_mechanism(model, spec, tuple(model.points), follows_laws=follows_laws)
     change_point = getattr(source, "change_point", "smooth")
     return replace(closed, loops=replace(closed.loops, change_point=change_point))
+
+
+def require_points(mechanism: Mechanism) -> None:
+    """Raise InputError for a mechanism without tracked points."""
+    if not mechanism.points:
+        raise InputError("the model has no point to track; list one under [points]")
 
 
 def _parsed(model: Any) -> Any:

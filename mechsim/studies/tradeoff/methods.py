@@ -24,7 +24,7 @@ from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.plain_settings import INTEGRATORS
 from mechsim.simulation.recording import evaluate
 from mechsim.simulation.settings import LEAST_CONSTANT, Settings
-from mechsim.simulation.source import CRANK, assembled
+from mechsim.simulation.source import CRANK, assembled, require_points
 from mechsim.simulation.stepping import Steps, step
 from mechsim.studies.motions import profile_of
 
@@ -208,11 +208,13 @@ def subject_of(solver: KinematicSolver, speed: float) -> Subject:
         speed: of the crank in [rad/s].
 
     Raises:
+        InputError: for a mechanism without tracked points.
         AssemblyError: if the drivers cannot make their whole motion.
     """
     laws = solver.motion_laws
     profile = profile_of(solver, speed, 1.0) if laws.crank else parameter_profile(laws)
     angles = profile.state(np.linspace(0.0, profile.duration, 361))[0]
     solver = solver.starting_at(angles)
+    require_points(solver.mechanism)
     stroke = half_extent(path.position for path in solver.whole_motion(angles).points.values())
     return Subject(solver.name, build_model(solver, profile), solver, stroke, profile.max_speed)
