@@ -46,9 +46,10 @@ def map_joints(
     """
     ranges = joint_ranges("--from", inputs)
     listed = list(dict.fromkeys(outputs.split(",")))
-    model, options = closed_model(source)
+    started, model, options = closed_model(source)
     with progress("map", None) as report:
-        table = joint_map(model, ranges, listed, points=points, degree=degree, progress=report, **options)
+        grid: dict[str, Any] = {"points": points, "degree": degree, "fix_base": source.fix_base}
+        table = joint_map(started, ranges, listed, progress=report, **grid)
     comparison = compare_with_loop_equations(table, model, **options)
     with atomic_path(output) as temporary, temporary.open("wb") as file:
         np.savez(file, **table.arrays())  # type: ignore[arg-type]

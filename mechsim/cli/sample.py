@@ -28,10 +28,10 @@ def sample(
     mechsim sample ankle.xml -n 4096 -o states.npz
     mechsim sample gripper.urdf -n 100 --seed 7 -o states.npz --json
     """
-    model, options = closed_model(source)
+    model = closed_model(source)[0]
     with progress("sample", None) as report:
         states = closed_configurations.sample(
-            model, n, seed, progress=report, lock_others=source.locks_others, **options
+            model, n, seed, progress=report, lock_others=source.locks_others, fix_base=source.fix_base
         )
     with atomic_path(output) as temporary, temporary.open("wb") as file:
         np.savez(file, qpos=states.qpos, qvel=states.qvel, residual=states.residual)

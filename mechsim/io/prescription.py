@@ -3,7 +3,7 @@
 from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -53,19 +53,8 @@ def prescribed_solver(
         guess: from `written_guess`, if known: it selects the assembly of designs with changed parameters.
     """
     if prescription.lock_others:
-        from mechsim.kinematics.loops.joint_locks import undetermined_joints
-
-        # the path to a locked value can need the other locks
-        start = {name: q if isinstance(q, tuple) else None for name, q in prescription.lock.items()}
-        at_start = replace(prescription, lock_others=False, lock=start)
-        solver = prescribed_solver(source, changed, at_start, assembled=assembled, guess=guess)
-        others = undetermined_joints(solver.mechanism)
-        lock = {**prescription.lock, **others}
-        locking = replace(prescription, lock_others=False, lock=lock)
-        solver = prescribed_solver(source, changed, locking, assembled=assembled, guess=guess)
-        named = [f"{name} (one rotation)" if spin else name for name, spin in others.items()]
-        fact = f"joints locked at their initial values: {', '.join(named) or 'none'}"
-        return solver.with_mechanism(solver.mechanism, facts=(*solver.facts, fact))
+        solver_of = partial(prescribed_solver, source, changed, assembled=assembled, guess=guess)
+        return _with_others_locked(replace(prescription, lock_others=False), solver_of)
     description = source.describe(changed, prescription)
     if prescription.loops is not None and not description.prescribed:
         name = description.solver.name
@@ -97,6 +86,23 @@ def prescribed_solver(
             laws = make_motion_laws(turning, {turning.drivers[0]: steady(0.0, REVOLUTION)}, DEFAULT_DURATION)
             solver = solver.with_mechanism(turning, motion_laws=laws, facts=(*solver.facts, fact))
     return _prescribed(solver, prescription, description)
+
+
+def _with_others_locked(
+    prescription: Prescription, solver_of: Callable[[Prescription], KinematicSolver]
+) -> KinematicSolver:
+    """Return the solver of a prescription that also locks the joints left undetermined."""
+    from mechsim.kinematics.loops.joint_locks import undetermined_joints
+
+    # the path to a locked value can need the other locks
+    start = {name: q if isinstance(q, tuple) else None for name, q in prescription.lock.items()}
+    solver = solver_of(replace(prescription, lock=start))
+    others = undetermined_joints(solver.mechanism)
+    if lock := {**prescription.lock, **others}:
+        solver = solver_of(replace(prescription, lock=lock))
+    named = [f"{name} (one rotation)" if spin else name for name, spin in others.items()]
+    fact = f"joints locked at their initial values: {', '.join(named) or 'none'}"
+    return solver.with_mechanism(solver.mechanism, facts=(*solver.facts, fact))
 
 
 def _assembled(solver: KinematicSolver, guess: Mapping[str, Pose] | None) -> KinematicSolver:

@@ -3,16 +3,17 @@
 A row of loops is solved in time proportional to its length, instead of its cube.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.rank import least_norm
+from mechsim.numerics.rank import RANK_TOLERANCE, least_squares
 
 # entry of a Jacobian below which it is rounding
 NEGLIGIBLE = 1e-14
@@ -27,6 +28,12 @@ SMALL_BLOCK = 16
 # largest multiple of the right side that solutions of least norm may have; and number of random right sides
 # that show it: a smaller rank shows itself in one of them with a probability of 0.9999
 LARGEST, PROBES = 1e4, 2
+# largest number of entries of whole matrices that are solved together, which limits memory
+WHOLE_NUMBERS = 2_000_000
+
+
+# orders in which systems of least norm are banded, by the positions of their entries
+Bands: TypeAlias = "dict[bytes, tuple[NDArray[np.intp], Band | None]]"
 
 
 @dataclass(frozen=True)
@@ -74,9 +81,10 @@ class SparseMatrices:
         values = np.concatenate([self.values, np.ones((1, self.values.shape[1]))])
         return SparseMatrices(rows, columns, values, (self.shape[0] + 1, self.shape[1]))
 
-    def scaled(self, factors: Array) -> "SparseMatrices":
-        """Return the matrices with their rows multiplied by factors, (rows,)."""
-        return SparseMatrices(self.rows, self.columns, factors[self.rows, None] * self.values, self.shape)
+    def scaled(self, factors: Array, columns: Array | None = None) -> "SparseMatrices":
+        """Return the matrices with rows multiplied by factors, (rows,), and columns, (columns,)."""
+        factors = factors[self.rows] * (1.0 if columns is None else columns[self.columns])
+        return SparseMatrices(self.rows, self.columns, factors[:, None] * self.values, self.shape)
 
     def column(self, number: int) -> Array:
         """Return a column, (rows, n)."""
@@ -86,11 +94,91 @@ class SparseMatrices:
 
     def without(self, column: int) -> "SparseMatrices":
         """Return the matrices without a column."""
-        other = self.columns != column
-        columns = self.columns[other] - (self.columns[other] > column)
+        return self.restricted(np.delete(np.arange(self.shape[1]), column))
+
+    def restricted(self, columns: NDArray[np.integer[Any]]) -> "SparseMatrices":
+        """Return the matrices of some columns."""
+        number = np.full(self.shape[1], -1)
+        number[columns] = np.arange(len(columns))
+        own = number[self.columns] >= 0
         return SparseMatrices(
-            self.rows[other], columns, self.values[other], (self.shape[0], self.shape[1] - 1)
+            self.rows[own], number[self.columns[own]], self.values[own], (self.shape[0], len(columns))
         )
+
+    def whole(self, instants: slice | NDArray[np.intp] = slice(None)) -> Array:
+        """Return the matrices of some instants, (n, rows, columns)."""
+        return np.moveaxis(replace(self, values=self.values[:, instants]).dense, 2, 0)
+
+    def least_norm(
+        self, right: Array, bands: Bands, dense: Callable[[NDArray[np.intp]], Array], *, regular: bool
+    ) -> Array:
+        """Return the solutions of least norm, (n, columns), for right sides (n, rows).
+
+        Args:
+            right: the right sides.
+            bands: as in `least_norm_systems`.
+            dense: solutions of some instants by whole matrices, for those with nearly dependent rows.
+            regular: whether these are all instants in which rows are nearly dependent, or those only in which
+                it makes the solution large.
+        """
+        solutions, valid = np.zeros((len(right), self.shape[1])), np.zeros(len(right), dtype=np.bool_)
+        largest = np.abs(self.values).max(initial=0.0) or 1.0
+        systems = least_norm_systems(replace(self, values=self.values / largest), bands)
+        if systems is not None:
+            solutions, valid = systems.least_norm(right[:, systems.rows] / largest)
+            valid = valid & systems.independent if regular else valid
+        others = np.flatnonzero(~valid)
+        # as many together as fit into memory
+        count = max(1, WHOLE_NUMBERS // (self.shape[0] * self.shape[1]))
+        for first in range(0, len(others), count):
+            which = others[first : first + count]
+            solutions[which] = dense(which)
+        return solutions
+
+    def least_squares(self, right: Array, bands: Bands) -> Array:
+        """Return least-squares solutions (n, columns) for right sides (n, rows), with a full column rank.
+
+        They are the multipliers of A' in the solution of A' x = 0 nearest to the right side.
+        """
+        systems = least_norm_systems(self.transposed, bands)
+        if systems is not None and len(systems.rows) == self.shape[1]:
+            with suppress(np.linalg.LinAlgError):
+                return systems.solved(right[None])[1][0]
+        return least_squares(self.whole(), right)
+
+    def product_signs(self, other: "SparseMatrices", bands: Bands) -> Array:
+        """Return the signs of the determinants of A'B, (n,), for matrices B with the same positions.
+
+        The determinant of the augmented matrix (1, B; A', 0) is (-1)^k det A'B with k columns.
+        """
+        n, columns = self.values.shape[1], self.shape[1]
+        both = replace(self, values=np.hstack([self.values, other.values]))
+        systems = least_norm_systems(both.transposed, bands)
+        if systems is None or len(systems.rows) < columns:
+            rows, i = np.unique(self.rows, return_inverse=True)
+            whole = replace(both, rows=i, shape=(len(rows), columns)).whole()
+            return np.linalg.slogdet(np.swapaxes(whole[:n], 1, 2) @ whole[n:])[0]
+        augmented = systems.augmented
+        entries = (len(augmented.values) - self.shape[0]) // 2
+        mixed = augmented.values[:, :n].copy()
+        mixed[-entries:] = augmented.values[-entries:, n:]
+        return BandedSystems(augmented.band, mixed).determinant[0] * (-1.0) ** columns
+
+    def smallest_singular_values(self) -> Array | None:
+        """Return the smallest singular value of each matrix, (n,), square without its rows of zeros.
+
+        None stands for matrices that are singular at every instant, or not banded.
+        """
+        own = np.abs(self.values).max(1) > NEGLIGIBLE
+        matrix = replace(self, rows=self.rows[own], columns=self.columns[own], values=self.values[own])
+        rows, columns = np.unique(matrix.rows), np.arange(self.shape[1])
+        order = band(matrix, rows, columns) if len(rows) == len(columns) else None
+        if order is None:
+            return None
+        smallest = BandedSystems(order, matrix.values[order.entries]).smallest_singular_values()
+        # the Frobenius norm is a bound of the largest singular value
+        regular = smallest > RANK_TOLERANCE * np.sqrt((matrix.values**2).sum(0))
+        return smallest if regular.any() else None
 
     def times(self, vectors: Array) -> Array:
         """Return the products with vectors (columns, n), (rows, n); n may be 1 for one of both."""
@@ -390,7 +478,7 @@ def symmetric_band(pattern: SparseMatrices) -> Band | None:
 
 def least_norm_systems(
     matrix: SparseMatrices,
-    bands: dict[bytes, tuple[NDArray[np.intp], Band | None]],
+    bands: Bands,
     metric: SparseMatrices | None = None,
 ) -> "LeastNormSystems | None":
     """Return sparse equations as systems for solutions of least norm; None if they are not banded.
@@ -403,7 +491,8 @@ def least_norm_systems(
     """
     # those out of the plane of a planar linkage are zero
     nonzero = np.abs(matrix.values).max(1, initial=0.0) > NEGLIGIBLE
-    key, i, j, count = nonzero.tobytes(), matrix.rows[nonzero], matrix.columns[nonzero], matrix.shape[1]
+    i, j, count = matrix.rows[nonzero], matrix.columns[nonzero], matrix.shape[1]
+    key = np.concatenate([[count], i, j]).tobytes()
     values, diagonal = matrix.values[nonzero], np.arange(count)
     if metric is None:
         metric = SparseMatrices(diagonal, diagonal, np.ones((count, values.shape[1])), (count, count))
@@ -424,17 +513,6 @@ def entries_of(matrix: Array) -> SparseMatrices:
     """Return the entries of matrices (n, m, k) that are not rounding."""
     rows, columns = np.nonzero(np.abs(matrix).max(0, initial=0.0) > NEGLIGIBLE)
     return SparseMatrices(rows, columns, matrix[:, rows, columns].T, matrix.shape[1:])
-
-
-def sparse_least_norm(matrix: Array, right: Array) -> Array:
-    """Return the solutions of least norm, (n, k), of sparse equations (n, m, k) x = (n, m)."""
-    systems = least_norm_systems(entries_of(matrix), {})
-    if systems is None:
-        return least_norm(matrix, right)
-    solutions, valid = systems.least_norm(right[:, systems.rows])
-    if not valid.all():
-        solutions[~valid] = least_norm(matrix[~valid], right[~valid])
-    return solutions
 
 
 @dataclass(frozen=True)
@@ -485,21 +563,32 @@ class LeastNormSystems:
         return solutions, np.abs(solutions).max(1) <= LARGEST * np.abs(right).max(1, initial=0.0)
 
     @cached_property
+    def independent(self) -> NDArray[np.bool_]:
+        """Where the rows are independent, (n,): the multipliers of random vectors are not large there."""
+        vectors = self._random(PROBES)
+        try:
+            multipliers = self.solved(vectors)[1]
+        except np.linalg.LinAlgError:
+            return np.zeros(len(self), dtype=np.bool_)
+        longest = np.linalg.norm(vectors[:, 0], axis=1).max()
+        return np.abs(multipliers).max((0, 2), initial=0.0) <= LARGEST * longest
+
+    def _random(self, count: int) -> Array:
+        """Return random vectors, equal at all instants, (count, n, u)."""
+        random = np.random.default_rng(0).standard_normal((count, 1, self.count))
+        return np.broadcast_to(random, (count, len(self), self.count))
+
+    @cached_property
     def null_bases(self) -> tuple[Array, NDArray[np.bool_]]:
         """Orthonormal bases of the null spaces, (n, u, u - r), and where the rows are independent, (n,)."""
         dof = self.count - len(self.rows)
-        random = np.random.default_rng(0).standard_normal((dof + PROBES, 1, self.count))
-        vectors = np.broadcast_to(random, (dof + PROBES, len(self), self.count))
-        try:
-            projected, multipliers = self.solved(vectors)
+        projected = np.array(self._random(dof))
+        with suppress(np.linalg.LinAlgError):
             # the second projection removes the rounding of the first
-            projected = self.solved(projected[:dof])[0] if dof else projected[:0]
-        except np.linalg.LinAlgError:
-            return np.zeros((len(self), self.count, dof)), np.zeros(len(self), dtype=np.bool_)
-        longest = np.linalg.norm(random, axis=(1, 2)).max()
-        independent = np.abs(multipliers).max((0, 2), initial=0.0) <= LARGEST * longest
-        projected[:, ~independent] = 0.0
-        return np.linalg.qr(projected.transpose(1, 2, 0))[0], independent
+            for _ in range(2 if dof else 0):
+                projected = self.solved(projected)[0]
+        projected[:, ~self.independent] = 0.0
+        return np.linalg.qr(projected.transpose(1, 2, 0))[0], self.independent
 
 
 def cycle_count(order: Sequence[int]) -> int:

@@ -120,3 +120,12 @@ def least_norm(matrix: Array, right: Array, tolerance: float = RANK_TOLERANCE, f
     if relevant is not ...:
         matrix, right = matrix[relevant], right[relevant[:2]]
     return (pseudo_inverse(matrix, tolerance, floor) @ right[..., None])[..., 0]
+
+
+def least_squares(matrix: Array, right: Array) -> Array:
+    """Return least-squares solutions (n, k) of matrices (n, m, k) of full column rank."""
+    transposed = np.swapaxes(matrix, 1, 2)
+    normal = transposed @ matrix
+    scale = np.trace(normal, axis1=1, axis2=2)[:, None, None]
+    normal += 1e-15 * scale * np.eye(matrix.shape[2])
+    return np.linalg.solve(normal, transposed @ right[..., None])[..., 0]

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -13,10 +14,11 @@ from mechsim.mechanism.limits import require_count
 from mechsim.mechanism.motion import short_repr
 from mechsim.numerics.arrays import ROUNDING, Array
 from mechsim.numerics.graphs import components
-from mechsim.numerics.newton import NewtonResult, NewtonSettings, newton
-from mechsim.numerics.rank import RANK_TOLERANCE, least_norm, pivot_columns
+from mechsim.numerics.newton import NewtonSettings, newton
+from mechsim.numerics.rank import RANK_TOLERANCE, least_squares, pivot_columns
 from mechsim.numerics.resources import Progress
-from mechsim.simulation.loop_jacobian import LinearisedClosure, LoopEquations
+from mechsim.simulation import loop_jacobian
+from mechsim.simulation.loop_jacobian import Jacobian, LoopEquations, of_dofs, products
 from mechsim.simulation.mjcf_reader.parsed_file import initial_qpos
 from mechsim.simulation.model_loops import ModelLoops, loops_with_crank
 from mechsim.simulation.state import FREE, SCALAR, limited_joints, scalar_joints
@@ -41,6 +43,8 @@ ROUNDED_RANK, ROUNDED_ERROR, CONVERGED = 1e-5, 1e-4, 1e-8
 PROBES = 3
 # largest number of draws for each requested configuration, and of configurations followed at once
 MAX_DRAWS, BATCH = 50, 4096
+# largest number of degrees of freedom followed at once, some 2 kB each in a row of loops
+FOLLOWED_DOFS = 200_000
 # largest number of states, all in memory with their Jacobians: some 1 to 10 kB each
 MAX_STATES = 1_000_000
 # weight of actuated and free joints, so small that the loops determine the other joints
@@ -92,16 +96,17 @@ class StraightPath:
         scalar = np.isin(self.loops.model.jnt_type[self.loops.model.dof_jntid[self.drivers]], SCALAR)
         return np.where(scalar, self.reference[self.addresses], 0.0)
 
-    def newton(self, qpos: Array, iterations: int) -> NewtonResult[Array, LinearisedClosure]:
-        """Return configurations after Newton steps in the passive DOFs."""
-        settings = NewtonSettings(max_iterations=iterations, max_step=MAX_STEP)
-        return newton(LoopEquations(self.loops), qpos, settings, self._passive_step)
-
-    def _passive_step(self, jacobian: Array, scaled_residual: Array) -> Array:
-        step = np.zeros((len(jacobian), self.loops.model.nv))
+    def _passive_step(self, jacobian: Jacobian, scaled_residual: Array) -> Array:
+        step = np.zeros((len(scaled_residual), self.loops.model.nv))
         residual = scaled_residual / self.loops.scale
-        step[:, self.passive] = least_squares(jacobian[:, :, self.passive], residual)
+        step[:, self.passive] = self.passive_solution(of_dofs(jacobian, self.passive), residual)
         return step
+
+    def passive_solution(self, matrix: Jacobian, right: Array) -> Array:
+        """Return the passive DOFs, (n, k), that give right sides (n, m) with their part of the Jacobian."""
+        if isinstance(matrix, np.ndarray):
+            return least_squares(matrix, right)
+        return matrix.least_squares(right, self.loops.bands)
 
     def follow(self, targets: Array) -> tuple[Array, NDArray[np.bool_]]:
         """Return configurations with drivers at targets, (n, k), and which of them close in this assembly.
@@ -115,49 +120,60 @@ class StraightPath:
                 f"a driver is {scaled.max():.3g} rad or characteristic lengths from the reference; give "
                 f"positions within {FARTHEST:g}"
             )
+        if len(targets) > (most := max(1, FOLLOWED_DOFS // max(1, self.loops.model.nv))):
+            pieces = [self.follow(targets[first : first + most]) for first in range(0, len(targets), most)]
+            qpos, closed = zip(*pieces, strict=True)
+            return np.concatenate(qpos), np.concatenate(closed)
         counts = np.maximum(1, np.ceil(scaled / DRIVER_STEP)).astype(np.int64)
         qpos, lost = np.repeat(self.reference[None], len(targets), 0), np.zeros(len(targets), dtype=np.bool_)
-        before = self.loops.linearise(self.reference[None])[1]
+        jacobian = self.loops.linearised(qpos)[1]
         moved = np.zeros((len(targets), self.loops.model.nv))
         moved[:, self.drivers] = displacements / counts[:, None]
-        rates = (before[:, :, self.drivers] @ moved[:, self.drivers, None])[..., 0]
-        before = np.repeat(before[:, :, self.passive], len(targets), 0)
-        moved[:, self.passive] = -least_squares(before, rates)
+        rates = products(of_dofs(jacobian, self.drivers), moved[:, self.drivers])
+        before = of_dofs(jacobian, self.passive)
+        moved[:, self.passive] = -self.passive_solution(before, rates)
         for i in range(counts.max(initial=0)):
             moved[i >= counts] = 0.0
             qpos = self.loops.displaced(qpos, moved)
-            residual, jacobian = self.loops.linearise(qpos)
-            matrix = jacobian[:, :, self.passive]
+            residual, jacobian = self.loops.linearised(qpos)
+            matrix = of_dofs(jacobian, self.passive)
             lost |= ~(self.loops.closure_error(residual) < LOST_ERROR) | self._turned_over(before, matrix)
             step = np.zeros_like(moved)
-            step[:, self.passive] = -least_squares(matrix, residual)
+            step[:, self.passive] = -self.passive_solution(matrix, residual)
             step *= MAX_STEP / np.maximum(MAX_STEP, np.abs(step).max(1, keepdims=True))
             qpos, moved, before = self.loops.displaced(qpos, step), moved + step, matrix
             qpos[lost], moved[lost] = self.reference, 0.0
-        result = self.newton(qpos, LAST_ITERATIONS)
-        lost |= self._turned_over(before, result.linearised.matrix[:, :, self.passive])
-        return result.q, ~lost & self._closed(result)
+        settings = NewtonSettings(max_iterations=LAST_ITERATIONS, max_step=MAX_STEP)
+        result = newton(LoopEquations(self.loops, self._passive_step), qpos, settings)
+        matrix = of_dofs(result.linearised.matrix, self.passive)
+        lost |= self._turned_over(before, matrix)
+        return result.q, ~lost & self._closed(matrix, result.linearised.rhs)
 
-    def _closed(self, result: NewtonResult[Array, LinearisedClosure]) -> NDArray[np.bool_]:
+    def _closed(self, matrix: Jacobian, scaled_residual: Array) -> NDArray[np.bool_]:
         """Return which configurations close, with redundant constraints as well as rounding allows."""
-        error, matrix = result.residual, result.linearised.matrix[:, :, self.passive]
+        error, units = np.abs(scaled_residual).max(1, initial=0.0), self.loops.units[self.passive]
         closed = error < CLOSED_ERROR
-        if closed.all() or matrix.shape[1] <= matrix.shape[2]:
+        if len(self.loops.scale) <= len(self.passive) or not (~closed & (error < ROUNDED_ERROR)).any():
             return closed
-        step = self._passive_step(result.linearised.matrix, result.linearised.rhs) / self.loops.units
-        units = self.loops.scale[:, None] * self.loops.units[self.passive]
-        values = np.linalg.svd(matrix * units, compute_uv=False)
-        rounded = (error < ROUNDED_ERROR) & (np.abs(step).max(1) < CONVERGED)
-        return closed | (rounded & (values[:, -1] > ROUNDED_RANK * values[:, 0]))
+        step = self.passive_solution(matrix, scaled_residual / self.loops.scale) / units
+        rounded = np.flatnonzero(~closed & (error < ROUNDED_ERROR) & (np.abs(step).max(1) < CONVERGED))
+        whole = matrix[rounded] if isinstance(matrix, np.ndarray) else matrix.whole(rounded)
+        values = np.linalg.svd(whole * self.loops.scale[:, None] * units, compute_uv=False)
+        closed[rounded] = values[:, -1] > ROUNDED_RANK * values[:, 0]
+        return closed
 
-    def _turned_over(self, before: Array, after: Array) -> NDArray[np.bool_]:
+    def _turned_over(self, before: Jacobian, after: Any) -> NDArray[np.bool_]:
         """Return a mask of states, (n,), that passed a singularity between two Jacobians, (n, m, k) each.
 
         Between assemblies the determinant of a group of loops changes its sign. With redundant constraints it
         is the determinant of the product with the previous Jacobian, whose range is similar.
         """
-        products = np.swapaxes(before, 1, 2) @ after
-        signs = [np.linalg.slogdet(products[:, group[:, None], group])[0] for group in self.groups]
+        if isinstance(before, np.ndarray):
+            product = np.swapaxes(before, 1, 2) @ after
+            signs = [np.linalg.slogdet(product[:, group[:, None], group])[0] for group in self.groups]
+        else:
+            pairs = [(before.restricted(group), after.restricted(group)) for group in self.groups]
+            signs = [first.product_signs(second, self.loops.bands) for first, second in pairs]
         return ~np.all([sign > 0.0 for sign in signs], axis=0)
 
     @property
@@ -190,11 +206,11 @@ class StraightPath:
             for own in members
         ]
 
-    def closing_rates(self, jacobian: Array, rates: Array) -> Array:
+    def closing_rates(self, jacobian: Jacobian, rates: Array) -> Array:
         """Return rates (n, nv) with those of the passive DOFs that keep the loops (n, m, nv) closed."""
+        matrix = of_dofs(jacobian, self.passive)
         for _ in range(2):  # the second iteration removes rounding errors
-            error = (jacobian @ rates[..., None])[..., 0]
-            rates[:, self.passive] -= least_squares(jacobian[:, :, self.passive], error)
+            rates[:, self.passive] -= self.passive_solution(matrix, products(jacobian, rates))
         return rates
 
     def reach(self, targets: Array) -> tuple[Array, NDArray[np.bool_]]:
@@ -327,7 +343,7 @@ def sample(
         accepted = min(accepted, count / drawn)
         joints = np.isin(model.jnt_qposadr.searchsorted(np.arange(model.nq), "right") - 1, each.joints)
         qpos[:, joints] = np.concatenate(states)[:n, joints]
-    residual, jacobian = path.loops.linearise(qpos)
+    residual, jacobian = path.loops.linearised(qpos)
     qvel = np.zeros((n, path.loops.model.nv))
     qvel[:, path.drivers] = random.normal(size=(n, len(path.drivers))) * path.loops.units[path.drivers]
     return Sample(qpos, path.closing_rates(jacobian, qvel), path.loops.closure_error(residual), accepted)
@@ -336,15 +352,6 @@ def sample(
 def keyframe(model: mujoco.MjModel, key: str | None) -> Array | None:
     """Return the coordinates of a keyframe, (nq,); None without a name."""
     return None if key is None else initial_qpos("the model", model, key)
-
-
-def least_squares(matrix: Array, right: Array) -> Array:
-    """Return least-squares solutions (n, k) of matrices (n, m, k) of full column rank."""
-    transposed = np.swapaxes(matrix, 1, 2)
-    normal = transposed @ matrix
-    scale = np.trace(normal, axis1=1, axis2=2)[:, None, None]
-    normal += 1e-15 * scale * np.eye(matrix.shape[2])
-    return np.linalg.solve(normal, transposed @ right[..., None])[..., 0]
 
 
 def straight_path(
@@ -424,15 +431,9 @@ def _closed_reference(loops: ModelLoops, starts: Array, dofs: NDArray[np.int64],
 
 def _closed_nearby(loops: ModelLoops, starts: Array, dofs: NDArray[np.int64], weights: Array) -> Array:
     """Return the configurations nearest to starts, (n, nq), for those that close."""
-
-    def step(jacobian: Array, scaled_residual: Array) -> Array:
-        result = np.zeros((len(jacobian), loops.model.nv))
-        matrix = jacobian[:, :, dofs] * loops.scale[:, None] * weights
-        result[:, dofs] = weights * least_norm(matrix, scaled_residual, ROUNDED_RANK)
-        return result
-
+    step = loop_jacobian.nearest_steps(loops, dofs, weights, ROUNDED_RANK)
     settings = NewtonSettings(max_iterations=20, max_step=MAX_STEP)
-    result = newton(LoopEquations(loops), starts, settings, step)
+    result = newton(LoopEquations(loops, step), starts, settings)
     remaining = step(result.linearised.matrix, result.linearised.rhs) / loops.units
     rounded = (result.residual < ROUNDED_ERROR) & (np.abs(remaining).max(1, initial=0.0) < CONVERGED)
     return result.q[(result.residual < CLOSED_ERROR) | rounded]

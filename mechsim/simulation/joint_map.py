@@ -15,7 +15,8 @@ from mechsim.mechanism.motion import short_repr
 from mechsim.numerics.arrays import ROUNDING, Array
 from mechsim.numerics.resources import Progress, no_progress
 from mechsim.simulation import closed_configurations
-from mechsim.simulation.closed_configurations import BATCH, StraightPath, least_squares, straight_path
+from mechsim.simulation.closed_configurations import BATCH, StraightPath, straight_path
+from mechsim.simulation.loop_jacobian import of_dofs, products
 from mechsim.simulation.mjcf_reader.pose_chains import POSITIONS, ROTATIONS, site_or_body
 from mechsim.simulation.state import PointJacobians, mass_matrix, rotation_vector_rates, scalar_joints
 
@@ -188,7 +189,7 @@ class _Outputs:
 
 def input_rates(path: StraightPath, qpos: Array) -> Array:
     """Return the rates of all DOFs for unit rates of each driver, (n, nv, k), that keep the loops closed."""
-    jacobian, units = path.loops.linearise(qpos)[1], np.eye(path.loops.model.nv)[path.drivers]
+    jacobian, units = path.loops.linearised(qpos)[1], np.eye(path.loops.model.nv)[path.drivers]
     return np.stack([path.closing_rates(jacobian, np.tile(unit, (len(qpos), 1))) for unit in units], 2)
 
 
@@ -315,19 +316,20 @@ def _jacobian_derivative(evaluator: _Outputs, qpos: Array) -> Array:
     only, which vary slowly even near a singular configuration; r_j varies fast there.
     """
     path, rates = evaluator.path, input_rates(evaluator.path, qpos)
-    constraint, gradients = path.loops.linearise(qpos)[1], evaluator.gradients(qpos)[1]
-    columns = list[Array]()
+    (residual, constraint), gradients = path.loops.linearised(qpos), evaluator.gradients(qpos)[1]
+    passive, columns = of_dofs(constraint, path.passive), list[Array]()
     for i in range(len(path.drivers)):
         direction = rates[:, :, i]
         step = STEP / np.abs(direction / path.loops.units).max(1)
-        constraint_change, gradient_change = np.zeros_like(constraint), np.zeros_like(gradients)
+        errors = [np.zeros_like(residual) for _ in path.drivers]
+        gradient_change = np.zeros_like(gradients)
         for multiple, weight in ((1, 8.0), (-1, -8.0), (2, -1.0), (-2, 1.0)):
             displaced = path.loops.displaced(qpos, multiple * step[:, None] * direction)
-            scale = (weight / (12.0 * step))[:, None, None]
-            constraint_change += scale * path.loops.linearise(displaced)[1]
-            gradient_change += scale * evaluator.gradients(displaced)[1]
-        errors, passive = np.moveaxis(constraint_change @ rates, 2, 0), constraint[:, :, path.passive]
-        passive_change = np.stack([-least_squares(passive, error) for error in errors], 2)
+            scale, jacobian = weight / (12.0 * step), path.loops.linearised(displaced)[1]
+            for error, along in zip(errors, np.moveaxis(rates, 2, 0), strict=True):
+                error += scale[:, None] * products(jacobian, along)
+            gradient_change += scale[:, None, None] * evaluator.gradients(displaced)[1]
+        passive_change = np.stack([-path.passive_solution(passive, error) for error in errors], 2)
         columns.append(gradient_change @ rates + gradients[:, :, path.passive] @ passive_change)
     return np.stack(columns, -1)
 
@@ -335,15 +337,15 @@ def _jacobian_derivative(evaluator: _Outputs, qpos: Array) -> Array:
 def inertia_and_holding(path: StraightPath, qpos: Array) -> tuple[Array, Array]:
     """Return inertia and holding torque at the inputs, (n, k, k) and (n, k), by virtual work."""
     model, rates = path.loops.model, input_rates(path, qpos)
-    data = mujoco.MjData(model)
-    inertia, forces = np.empty((len(qpos), model.nv, model.nv)), np.empty((len(qpos), model.nv))
-    for i, state in enumerate(qpos):
+    data, inputs = mujoco.MjData(model), rates.shape[2]
+    inertia, forces = np.empty((len(qpos), inputs, inputs)), np.empty((len(qpos), inputs))
+    for i, (state, along) in enumerate(zip(qpos, rates, strict=True)):
         data.qpos[:], data.qvel[:] = state, 0.0
         mujoco.mj_fwdPosition(model, data)
         mujoco.mj_fwdVelocity(model, data)
-        inertia[i], forces[i] = mass_matrix(data), data.qfrc_bias - data.qfrc_passive
-    transposed = np.swapaxes(rates, 1, 2)
-    return transposed @ inertia @ rates, (transposed @ forces[..., None])[..., 0]
+        inertia[i] = along.T @ mass_matrix(data) @ along
+        forces[i] = along.T @ (data.qfrc_bias - data.qfrc_passive)
+    return inertia, forces
 
 
 def _with_polynomials(table: JointMap, evaluator: _Outputs, degree: int, low: Array, high: Array) -> JointMap:

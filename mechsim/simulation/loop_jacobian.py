@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from mechsim.errors import AssemblyError
 from mechsim.numerics import rank as numerical_rank
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.newton import NewtonSettings, newton, square_solution
-from mechsim.numerics.rank import FLOOR, RANK_TOLERANCE, SPARSE, significant
+from mechsim.numerics.newton import NewtonSettings, newton
+from mechsim.numerics.rank import FLOOR, RANK_TOLERANCE, significant
 from mechsim.simulation.model_loops import ModelLoops
 
 if TYPE_CHECKING:
@@ -22,8 +22,10 @@ if TYPE_CHECKING:
 CLOSED_ERROR = 1e-14
 NEWTON = NewtonSettings(max_iterations=50, tolerance=CLOSED_ERROR, rounding=1e-11)
 
-# Jacobians (n, m, nv) and dimensionless residuals (n, m) -> what is subtracted from the DOFs, (n, nv)
-Step = Callable[[Array, Array], Array]
+# Jacobians of n states, (n, m, nv), sparse for many DOFs
+Jacobian: TypeAlias = "Array | SparseMatrices"
+# Jacobians and dimensionless residuals (n, m) -> what is subtracted from the DOFs, (n, nv)
+Step = Callable[[Jacobian, Array], Array]
 
 
 @dataclass(frozen=True)
@@ -32,51 +34,33 @@ class LinearisedClosure:
 
     rhs: Array
     derivative: Callable[[], Array]
-    loops: ModelLoops
+    equations: "LoopEquations"
 
     @property
-    def matrix(self) -> Array:
-        """Jacobians of the residuals in their units, (n, m, nv)."""
-        return self.loops.whole(self.derivative())
+    def matrix(self) -> Any:
+        """Jacobians of the residuals in their units, (n, m, nv); sparse for many degrees of freedom."""
+        return self.equations.loops.jacobian(self.derivative())
 
     def solution(self, right: Array, /) -> Array:
-        """Return the unknowns (n, nv) that give right sides (n, m) of square systems."""
-        return square_solution(self.matrix, right)
+        """Return what is subtracted from the DOFs, (n, nv), for dimensionless residuals (n, m)."""
+        return self.equations.step(self.matrix, right)
 
 
 @dataclass(frozen=True)
 class LoopEquations:
-    """The loop equations of a model as a `numerics.newton.ConstraintSystem`."""
+    """The loop equations of a model as a `numerics.newton.ConstraintSystem`, and steps that close them."""
 
     loops: ModelLoops
+    step: Step
 
     def linearise(self, q: Array, /) -> LinearisedClosure:
         """Return the equations about n states, (n, nq)."""
         residual, derivative = self.loops.residual_and_derivative(q)
-        return LinearisedClosure(residual * self.loops.scale, derivative, self.loops)
+        return LinearisedClosure(residual * self.loops.scale, derivative, self)
 
     def retract(self, q: Array, step: Array, /) -> Array:
         """Return states displaced by steps in the DOFs, (n, nq)."""
         return self.loops.displaced(q, step)
-
-
-class LockedClosure(LinearisedClosure):
-    """The same, solved by the steps of `newton_step`."""
-
-    def solution(self, right: Array, /) -> Array:
-        """Return what is subtracted from the DOFs, (n, nv), for dimensionless residuals (n, m)."""
-        loops, values = self.loops, self.derivative()
-        jacobian = loops.whole(values) if loops.model.nv < SPARSE else loops.sparse_matrices(values)
-        return -newton_step(loops, right / loops.scale, jacobian)
-
-
-class LockedEquations(LoopEquations):
-    """The same with the crank locked."""
-
-    def linearise(self, q: Array, /) -> LockedClosure:
-        """Return the equations about n states, (n, nq)."""
-        residual, derivative = self.loops.residual_and_derivative(q)
-        return LockedClosure(residual * self.loops.scale, derivative, self.loops)
 
 
 def close(loops: ModelLoops, qpos: Array, step: Step | None = None) -> Array:
@@ -113,13 +97,61 @@ def close_each(loops: ModelLoops, qpos: Array, step: Step | None = None) -> tupl
         qpos: initial guesses, (n, nq).
         step: the steps of all DOFs; None for those with the crank locked.
     """
-    system = LockedEquations(loops) if step is None else LoopEquations(loops)
+
+    def locked(jacobian: Jacobian, right: Array) -> Array:
+        return -newton_step(loops, right / loops.scale, jacobian)
+
     try:
-        states = newton(system, qpos, NEWTON, step).q
+        states = newton(LoopEquations(loops, step or locked), qpos, NEWTON).q
     except np.linalg.LinAlgError:
         states = qpos
     error = loops.closure_error(loops.residual(states))
     return states, np.where(np.isfinite(error), error, np.inf)
+
+
+def nearest_steps(
+    loops: ModelLoops,
+    dofs: NDArray[np.int64],
+    weights: Array | None = None,
+    tolerance: float = RANK_TOLERANCE,
+) -> Step:
+    """Return steps that move some DOFs least, for `close`; the others keep their values.
+
+    Args:
+        loops: loops of the model.
+        dofs: the DOFs, (k,).
+        weights: those with small ones move least, (k,) in the units of the DOFs; by default the units.
+        tolerance: singular values below this fraction of the largest are zero.
+    """
+    weights = loops.units[dofs] if weights is None else weights
+
+    def step(jacobian: Jacobian, right: Array) -> Array:
+        result = np.zeros((len(right), loops.model.nv))
+        if isinstance(jacobian, np.ndarray):
+            matrix = jacobian[:, :, dofs] * loops.scale[:, None] * weights
+            result[:, dofs] = weights * numerical_rank.least_norm(matrix, right, tolerance)
+            return result
+        own = jacobian.restricted(dofs).scaled(loops.scale, weights)
+
+        def dense(which: NDArray[np.intp]) -> Array:
+            return numerical_rank.least_norm(own.whole(which), right[which], tolerance)
+
+        result[:, dofs] = weights * own.least_norm(right, loops.bands, dense, regular=True)
+        return result
+
+    return step
+
+
+def of_dofs(jacobian: Jacobian, dofs: NDArray[np.integer[Any]]) -> Jacobian:
+    """Return the columns of some DOFs."""
+    return jacobian[:, :, dofs] if isinstance(jacobian, np.ndarray) else jacobian.restricted(dofs)
+
+
+def products(jacobian: Jacobian, rates: Array) -> Array:
+    """Return the rates of residuals, (n, m), at rates of the DOFs, (n, k)."""
+    if isinstance(jacobian, np.ndarray):
+        return (jacobian @ rates[..., None])[..., 0]
+    return jacobian.times(rates.T).T
 
 
 def rounding(loops: ModelLoops) -> float:
@@ -141,13 +173,18 @@ def null_space(loops: ModelLoops, jacobian: Array) -> Array:
     return _with_crank_rate(loops, numerical_rank.null_space(constrained, floor=0.0), 0.0)
 
 
-def solve(loops: ModelLoops, jacobian: "Array | SparseMatrices", right: Array) -> Array:
+def solve(loops: ModelLoops, jacobian: Jacobian, right: Array) -> Array:
     """Return the minimum-norm x (n, nv - 1, k) of J x = right (n, m, k) in all DOFs but the crank.
 
     With a sparse Jacobian k is 1.
     """
     if not isinstance(jacobian, np.ndarray):
-        return _sparse_solution(loops, jacobian, right[..., 0])[..., None]
+
+        def dense(which: NDArray[np.intp]) -> Array:
+            return solve(loops, jacobian.whole(which), right[which])[..., 0]
+
+        own = jacobian.restricted(loops.free)
+        return own.least_norm(right[..., 0], loops.bands, dense, regular=False)[..., None]
     matrix = constrained_jacobian(loops, jacobian)
     reduced = loops.independent.reduced(matrix, right)
     if reduced is None:
@@ -159,25 +196,7 @@ def solve(loops: ModelLoops, jacobian: "Array | SparseMatrices", right: Array) -
     return transposed @ np.linalg.solve(matrix @ transposed, right)
 
 
-def _sparse_solution(loops: ModelLoops, jacobian: "SparseMatrices", right: Array) -> Array:
-    """Return the same, (n, nv - 1), of sparse Jacobians and right sides (n, m)."""
-    from mechsim.numerics.banded import least_norm_systems
-
-    systems = least_norm_systems(jacobian.without(loops.crank), loops.bands)
-    n = len(right)
-    solutions, valid = np.zeros((n, loops.model.nv - 1)), np.zeros(n, dtype=np.bool_)
-    if systems is not None:
-        solutions, valid = systems.least_norm(right[:, systems.rows])
-    # those of nearly dependent rows by whole matrices, as many together as fit into memory
-    others = np.flatnonzero(~valid)
-    for first in range(0, len(others), loops.chunk):
-        which = others[first : first + loops.chunk]
-        whole = loops.whole(jacobian.values[:, which].T)
-        solutions[which] = solve(loops, whole, right[which, :, None])[..., 0]
-    return solutions
-
-
-def conditioning(loops: ModelLoops, jacobian: "Array | SparseMatrices") -> Array:
+def conditioning(loops: ModelLoops, jacobian: Jacobian) -> Array:
     """Return the distance of states from singular ones with the crank locked, (n,), 0 to about 1.
 
     It is the smallest singular value of the scaled Jacobian, without those that are zero at every state
@@ -185,10 +204,10 @@ def conditioning(loops: ModelLoops, jacobian: "Array | SparseMatrices") -> Array
     """
     passive = np.setdiff1d(loops.free, loops.driven_dofs)
     if not isinstance(jacobian, np.ndarray):
-        smallest = _sparse_conditioning(loops, jacobian, passive)
-        if smallest is not None:
+        scaled = jacobian.scaled(loops.scale, loops.units).restricted(passive)
+        if (smallest := scaled.smallest_singular_values()) is not None:
             return smallest
-        jacobian = loops.whole(jacobian.values.T)
+        jacobian = jacobian.whole()
     matrix = jacobian[:, :, passive] * loops.units[passive]
     matrix *= loops.scale[..., None]
     values = np.linalg.svd(matrix, compute_uv=False).astype(np.float64, copy=False)
@@ -198,35 +217,7 @@ def conditioning(loops: ModelLoops, jacobian: "Array | SparseMatrices") -> Array
     return values[:, rank - 1] if rank else np.ones(len(matrix))
 
 
-def _sparse_conditioning(
-    loops: ModelLoops, jacobian: "SparseMatrices", passive: NDArray[np.intp]
-) -> Array | None:
-    """Return the same of sparse Jacobians; None if they are singular at every state, or not banded."""
-    from mechsim.numerics.banded import NEGLIGIBLE, BandedSystems, SparseMatrices, band
-
-    values = jacobian.values * (loops.scale[jacobian.rows] * loops.units[jacobian.columns])[:, None]
-    nonzero = np.isin(jacobian.columns, passive) & (np.abs(values).max(1) > NEGLIGIBLE)
-    matrix = SparseMatrices(
-        jacobian.rows[nonzero], jacobian.columns[nonzero], values[nonzero], jacobian.shape
-    )
-    rows = np.unique(matrix.rows)
-    order = band(matrix, rows, passive) if len(rows) == len(passive) else None
-    if order is None:
-        return None
-    smallest = BandedSystems(order, matrix.values[order.entries]).smallest_singular_values()
-    # the Frobenius norm is a bound of the largest singular value
-    regular = smallest > RANK_TOLERANCE * np.sqrt((matrix.values**2).sum(0))
-    return smallest if regular.any() else None
-
-
-def products(jacobian: "Array | SparseMatrices", rates: Array) -> Array:
-    """Return the rates of residuals, (n, m), at rates of the DOFs, (n, k)."""
-    if isinstance(jacobian, np.ndarray):
-        return (jacobian @ rates[..., None])[..., 0]
-    return jacobian.times(rates.T).T
-
-
-def tangent(loops: ModelLoops, jacobian: "Array | SparseMatrices") -> Array:
+def tangent(loops: ModelLoops, jacobian: Jacobian) -> Array:
     """Return the rates of all DOFs per radian of the crank, (n, nv), that keep the loops closed."""
     n = len(jacobian) if isinstance(jacobian, np.ndarray) else jacobian.values.shape[1]
     rates = _with_crank_rate(loops, np.zeros((n, loops.model.nv - 1)), 1.0)
@@ -236,7 +227,7 @@ def tangent(loops: ModelLoops, jacobian: "Array | SparseMatrices") -> Array:
     return rates
 
 
-def newton_step(loops: ModelLoops, residual: Array, jacobian: "Array | SparseMatrices") -> Array:
+def newton_step(loops: ModelLoops, residual: Array, jacobian: Jacobian) -> Array:
     """Return the Newton step of the loops with the crank locked, (n, nv)."""
     step = solve(loops, jacobian, -residual[..., None])[..., 0]
     # a rotation of more than half a radian is beyond the linear model

@@ -22,7 +22,7 @@ from mechsim.simulation.equality_rows import CouplingConstraint, FramePair, Poin
 from mechsim.simulation.state import HINGE, PosedBodies, angular_dofs, displaced
 
 if TYPE_CHECKING:
-    from mechsim.numerics.banded import Band, SparseMatrices
+    from mechsim.numerics.banded import Bands, SparseMatrices
 
 # largest number of states evaluated together, and of the entries of their Jacobians: they fit into the cache
 CHUNK, CHUNK_NUMBERS = 2048, 2_000_000
@@ -194,7 +194,12 @@ class ModelLoops:
 
     def linearised(self, qpos: Array) -> "tuple[Array, Array | SparseMatrices]":
         """Return the result of `sparse` for many degrees of freedom, else that of `linearise`."""
-        return self.linearise(qpos) if self.model.nv < SPARSE else self.sparse(qpos)
+        residual, values = self.residual_and_derivative(qpos)
+        return residual, self.jacobian(values())
+
+    def jacobian(self, values: Array) -> "Array | SparseMatrices":
+        """Return the Jacobian from its `entries`, (n, e), sparse for many degrees of freedom."""
+        return self.whole(values) if self.model.nv < SPARSE else self.sparse_matrices(values)
 
     def sparse_matrices(self, values: Array) -> "SparseMatrices":
         """Return the sparse Jacobian, (m, nv), from its `entries`, (n, e)."""
@@ -296,7 +301,7 @@ class ModelLoops:
         return rows, columns
 
     @cached_property
-    def bands(self) -> "dict[bytes, tuple[NDArray[np.intp], Band | None]]":
+    def bands(self) -> "Bands":
         """Orders in which the sparse equations with the crank locked are banded."""
         return {}
 

@@ -44,12 +44,12 @@ def closed_qpos(
         >>> ms.closed_qpos("four_bar", {"crank": "30deg"}).shape
         (1, 3)
     """
-    compiled, initial = started_model(model, set, loops, key, start)
+    started = started_model(model, set, loops, key, start)
     read = {
-        name: quantity_of_joint(compiled, name, value) if isinstance(value, str) else value
+        name: quantity_of_joint(started.model, name, value) if isinstance(value, str) else value
         for name, value in values.items()
     }
-    return closed_configurations.closed_qpos(compiled, read, initial)
+    return closed_configurations.closed_qpos(started.model, read, started.initial)
 
 
 def sample(
@@ -87,7 +87,7 @@ def sample(
         >>> ms.sample("four_bar", 100).qpos.shape
         (100, 3)
     """
-    compiled, initial = started_model(model, set, loops, key, start)
+    started = started_model(model, set, loops, key, start)
     return closed_configurations.sample(
-        compiled, n, seed, progress, initial, fix_base=fix_base, lock_others=lock_others
+        started.model, n, seed, progress, started.initial, fix_base=fix_base, lock_others=lock_others
     )

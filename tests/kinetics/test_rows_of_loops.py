@@ -13,7 +13,7 @@ from mechsim.kinetics.initial_state import InitialValues
 from mechsim.kinetics.model import dynamic_model
 from mechsim.mechanism.masses import with_inertia
 from mechsim.mechanism.motion_laws import make_motion_laws
-from mechsim.simulation import loop_jacobian, model_loops, simulate
+from mechsim.simulation import model_loops, simulate
 from mechsim.simulation.dynamics import inverse_dynamics
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.studies.dynamics_check import crosscheck_forward
@@ -94,11 +94,17 @@ def test_minima_and_maxima_of_the_potential_alternate_around_the_curve_of_a_long
 
 def test_forces_of_a_row_in_mujoco_by_sparse_loops_are_those_of_whole_matrices(monkeypatch):
     runs, rates, motion = [], [], {"speed": 3.0, "turns": 0.01, "samples": 4}
+    drawn, maps, row = [], [], row_of_four_bars(16)
     for least in (1, 1000):
-        for module in (inverse_dynamics, loop_jacobian, model_loops):
+        for module in (inverse_dynamics, model_loops):
             monkeypatch.setattr(module, "SPARSE", least)
-        runs.append(driven(row_of_four_bars(16), **motion))
-        rates.append(simulate(row_of_four_bars(16), method="pose", **motion).motion.joints["A16"].rate)
+        runs.append(driven(row, **motion))
+        rates.append(simulate(row, method="pose", **motion).motion.joints["A16"].rate)
+        drawn.append(ms.sample(row, 20))
+        maps.append(ms.joint_map(row, {"A0": ("10deg", "20deg")}, ["A16"], points=3))
+    assert drawn[0].accepted == drawn[1].accepted < 1.0
+    np.testing.assert_allclose(drawn[0].qpos, drawn[1].qpos, atol=1e-11)
+    np.testing.assert_allclose(maps[0].jacobian_derivative, maps[1].jacobian_derivative, rtol=1e-8)
     sparse, whole = runs
     np.testing.assert_allclose(*rates, rtol=1e-13)
     assert np.abs(sparse.forces.torque / whole.forces.torque - 1.0).max() <= 1e-9

@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 
 from mechsim.numerics.arrays import EPS
-from mechsim.numerics.banded import BandedSystems, SparseMatrices, band, least_norm_systems, sparse_least_norm
+from mechsim.numerics.banded import (
+    BandedSystems,
+    SparseMatrices,
+    band,
+    entries_of,
+    least_norm_systems,
+)
 from mechsim.numerics.damped_band import DampedBand, normal_band
 from mechsim.numerics.rank import least_norm, null_space, pivot_columns
 
@@ -132,12 +138,11 @@ def test_solutions_of_least_norm_are_those_of_the_pseudo_inverse_also_where_rows
     jacobian[:, 7], right[:, 7] = 0.0, 0.0
     jacobian[2, 8], right[2, 8] = jacobian[2, 9] + 1e-7 * jacobian[2, 8], right[2, 9]
     expected = least_norm(jacobian, right)
-    error = np.linalg.norm(sparse_least_norm(jacobian, right) - expected, axis=1)
+    sparse, dense = entries_of(jacobian), lambda which: least_norm(jacobian[which], right[which])
+    error = np.linalg.norm(sparse.least_norm(right, {}, dense, regular=True) - expected, axis=1)
     # both are exact to rounding times the condition, 11, 15 and 2e7; measured 1.6 times that at most
     conditions = np.linalg.cond(np.delete(jacobian, 7, 1))
     assert (error <= 4.0 * EPS * conditions * np.linalg.norm(expected, axis=1)).all()
-    rows, columns = np.nonzero(jacobian.any(0))
-    sparse = SparseMatrices(rows, columns, jacobian[:, rows, columns].T, jacobian.shape[1:])
     systems = least_norm_systems(sparse, {})
     bases, independent = systems.null_bases
     assert independent.tolist() == [True, True, False]
@@ -147,3 +152,11 @@ def test_solutions_of_least_norm_are_those_of_the_pseudo_inverse_also_where_rows
     np.testing.assert_allclose(products, np.tile(np.eye(2), (2, 1, 1)), atol=1e-14)
     _, multipliers = systems.solved((right[:, None] @ jacobian)[None, :, 0])
     np.testing.assert_allclose(multipliers[0, :2], np.delete(right, 7, 1)[:2], rtol=1e-9, atol=1e-11)
+    # the transposed equations are overdetermined
+    columns, right = sparse.transposed, np.random.default_rng(3).standard_normal((3, COUNT))
+    exact = [np.linalg.lstsq(matrix.T, side)[0] for matrix, side in zip(jacobian, right, strict=True)]
+    np.testing.assert_allclose(columns.least_squares(right, {})[:2], exact[:2], atol=1e-12)
+    rows = columns.restricted(np.delete(np.arange(COUNT - 1), 7))
+    others, whole = replace(rows, values=rows.values[:, [1, 0, 0]]), rows.whole()
+    signs = np.linalg.slogdet(np.swapaxes(whole, 1, 2) @ others.whole())[0]
+    assert np.array_equal(rows.product_signs(others, {}), signs)

@@ -57,7 +57,7 @@ def parallelograms(count: int) -> mujoco.MjModel:
     )
 
 
-@pytest.mark.parametrize("count", [1, 2])
+@pytest.mark.parametrize("count", [1, 2, 15])
 def test_samples_of_parallelograms_stay_between_their_change_points(count: int) -> None:
     states = ms.sample(parallelograms(count), 100)
     cranks, rockers = states.qpos[:, 0], states.qpos[:, 2]

@@ -92,10 +92,10 @@ def print_bands() -> None:
         dense = partial(np.linalg.solve, systems.dense, right[..., None])
         own = relative_time(lambda systems=systems: replace(systems).solution(right), dense)
         print(f"{UNKNOWNS} unknowns, {ratio:>2} times the width: {own:.2f} of the time of numpy")
-    methods = banded.sparse_least_norm, least_norm
     for count, n in ((20, 1), (20, 50), (40, 1), (60, 1)):
         chains = np.triu(np.tril(number.standard_normal((n, count, count)), 2), -2)[:, 1:]
-        own = relative_time(*(partial(method, chains, chains[..., 0]) for method in methods))
+        sparse = partial(banded.entries_of(chains).least_norm, chains[..., 0], {}, None, regular=True)
+        own = relative_time(sparse, partial(least_norm, chains, chains[..., 0]))
         print(f"{count} unknowns, {n:>2} least solutions: {own:.2f} of the time of pseudo-inverses")
 
 

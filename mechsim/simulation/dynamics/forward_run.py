@@ -26,7 +26,6 @@ from mechsim.simulation.custom_model import with_functions
 from mechsim.simulation.dynamics.applied_controls import AppliedControls, dofs_of, prepared
 from mechsim.simulation.dynamics.friction import dry_frictions
 from mechsim.simulation.dynamics.loaded_model import LoadedModel
-from mechsim.simulation.dynamics.nearest_steps import nearest_steps
 from mechsim.simulation.dynamics.stepped_friction import with_placeholders
 from mechsim.simulation.mjcf.compiling import compiled, quiet
 from mechsim.simulation.mjcf.force_elements import actuator_slices
@@ -342,7 +341,9 @@ def closed_near(
     """Return the nearest state with closed loops and some coordinates at given values."""
     moved = qpos.copy()
     moved[addresses] = values
-    (closed,), (gap,) = loop_jacobian.close_each(loops, moved[None], nearest_steps(loops, dofs))
+    others = np.delete(np.arange(loops.model.nv), dofs)
+    step = loop_jacobian.nearest_steps(loops, others)
+    (closed,), (gap,) = loop_jacobian.close_each(loops, moved[None], step)
     if not gap <= CLOSED:
         raise AssemblyError(
             f"{model.mechanism.name}: MuJoCo's loops do not close at the initial values; "

@@ -27,7 +27,6 @@ from mechsim.simulation.dynamics.forward_run import (
     without_cuts,
 )
 from mechsim.simulation.dynamics.loaded_model import LoadedModel
-from mechsim.simulation.dynamics.nearest_steps import nearest_steps
 from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.simulation.state import mass_matrix
 
@@ -107,7 +106,8 @@ class StaticModel:
             """Return the nearest closed states after steps forwards and backwards along each, (2 dof, nq)."""
             steps = step * np.repeat(directions, 2, 0) * np.tile([1.0, -1.0], dof)[:, None]
             states = loops.displaced(np.repeat(qpos[None], 2 * dof, 0), steps)
-            return loop_jacobian.close(loops, states, nearest_steps(loops))
+            every = np.arange(model.model.nv)
+            return loop_jacobian.close(loops, states, loop_jacobian.nearest_steps(loops, every))
 
         def differences(solved: _Accelerations, step: float) -> Array:
             """Return the central differences by displacements, then by rates, (dof, 2 dof)."""

@@ -1,6 +1,6 @@
 """The loop equations of a compiled model for numerical continuation along its crank angle."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -93,9 +93,7 @@ class ModelEquations:
     def sparse(self, q: ModelStates) -> "tuple[Array, SparseMatrices, None]":
         """Return residuals and Jacobians as `linearise`."""
         residual, jacobian = self.closure.sparse(q.qpos)
-        scale = self.closure.scale
-        units = scale[jacobian.rows] * self.units[jacobian.columns]
-        return (residual * scale).T, replace(jacobian, values=jacobian.values * units[:, None]), None
+        return (residual * self.closure.scale).T, jacobian.scaled(self.closure.scale, self.units), None
 
     def displaced(self, q: ModelStates, step: Array) -> ModelStates:
         """Return states displaced by a step (nv, n) in the units of the DOFs."""

@@ -93,16 +93,16 @@ def joint_map(
         >>> table.polynomials.position_error.max() < 1e-2
         True
     """
-    own_model, initial = started_model(model, set, loops, key, start)
-    ranges = ranges_in_si(own_model, inputs if isinstance(inputs, Mapping) else dict.fromkeys(inputs))
+    started = started_model(model, set, loops, key, start)
+    ranges = ranges_in_si(started.model, inputs if isinstance(inputs, Mapping) else dict.fromkeys(inputs))
     return map_over_grid(
-        own_model,
+        started.model,
         ranges,
         outputs,
         points=points,
         degree=degree,
         progress=progress,
-        start=initial,
+        start=started.initial,
         fix_base=fix_base,
     )
 

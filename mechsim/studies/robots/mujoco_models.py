@@ -1,7 +1,7 @@
 """Compiled MuJoCo models of anything that `load` takes, and coordinates of their joints."""
 
-from collections.abc import Mapping
-from contextlib import suppress
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from os import PathLike
 from typing import Any
 
@@ -23,12 +23,19 @@ from mechsim.simulation.mjcf_reader.parsed_file import parse_file
 from mechsim.units import Unit, si
 
 
-def mujoco_model(
-    model: Any, set: Mapping[str, str | float] | None = None, loops: str | PathLike[str] | None = None
-) -> mujoco.MjModel:
-    """Return the compiled MuJoCo model; a mechanism is exported as by `mechsim export`."""
-    is_compiled = isinstance(model, mujoco.MjModel) and loops is None
-    return model if is_compiled else compiled(mujoco_spec(model, set, loops))
+@dataclass(frozen=True)
+class StartedModel:
+    """A compiled model, and the assembly in which `load` starts it.
+
+    Attributes:
+        model: the compiled model.
+        initial: the assembly, (nq,); None for that of the model's reference.
+        notes: a line for each part that was not read, was corrected, or starts elsewhere.
+    """
+
+    model: mujoco.MjModel
+    initial: Array | None
+    notes: Sequence[str]
 
 
 def started_model(
@@ -37,26 +44,32 @@ def started_model(
     loops: str | PathLike[str] | None = None,
     key: str | None = None,
     start: Mapping[str, str | float] | None = None,
-) -> tuple[mujoco.MjModel, Array | None]:
-    """Return the compiled model, and the assembly in which `load` starts it, (nq,).
+) -> StartedModel:
+    """Return a compiled model in the assembly in which `load` starts it; one that is started is unchanged.
 
-    The assembly is None for an object of MuJoCo that cannot be read, which starts at its reference.
+    An object of MuJoCo that cannot be read starts at its reference, or a keyframe.
     """
+    if isinstance(model, StartedModel):
+        return model
     own = mujoco_input(model, loops)
     if own is None:
         from mechsim.io.readers import load
 
-        return mujoco_model(load(model, set, start=start, key=key, still=True)), None
+        solver = load(model, set, start=start, key=key, still=True)
+        spec, unlimited = spec_and_unlimited(solver)
+        limits = [f"the limits of {name} are left out, since a loop is cut there" for name in unlimited]
+        return StartedModel(compiled(spec), None, [*solver.facts, *limits])
     if set:
         raise InputError(f"{model}: a MuJoCo model has no parameters; leave out --set")
-    compiled_model = mujoco_model(model, set, loops)
+    is_compiled = isinstance(model, mujoco.MjModel) and loops is None
+    compiled_model = model if is_compiled else compiled(parse_file(own)[0])
     try:
-        read = read_mjcf(own, Prescription(key=key, start=start or {}, still=True)).source
+        read = read_mjcf(own, Prescription(key=key, start=start or {}, still=True))
     except MechsimError:
         if start:
             raise
-        read = None
-    return compiled_model, keyframe(compiled_model, key) if read is None else read.qpos
+        return StartedModel(compiled_model, keyframe(compiled_model, key), printed(parse_file(own).unread))
+    return StartedModel(compiled_model, read.source.qpos, read.facts)
 
 
 def mujoco_spec(
@@ -82,28 +95,6 @@ def spec_and_unlimited(solver: KinematicSolver) -> tuple[mujoco.MjSpec, list[str
         rename_crank(spec, name)
     stops = {} if solver.forces is None else solver.forces.stop_ranges
     return spec, limit_joints(spec, {**solver.ranges, **stops})
-
-
-def notes_on(
-    model: Any,
-    set: Mapping[str, str | float] | None = None,
-    key: str | None = None,
-    start: Mapping[str, str | float] | None = None,
-) -> list[str]:
-    """Return a line for each part of a model that was not read, was corrected, or starts elsewhere."""
-    own = mujoco_input(model)
-    if own is not None:
-        with suppress(MechsimError):
-            return [*read_mjcf(own, Prescription(key=key, start=start or {}, still=True)).facts]
-        return printed(parse_file(own).unread)
-    from mechsim.io.readers import load
-
-    solver = load(model, set, still=True)
-    limits = [
-        f"the limits of {name} are left out, since a loop is cut there"
-        for name in spec_and_unlimited(solver)[1]
-    ]
-    return [*solver.facts, *limits]
 
 
 def rounded_angle(model: Any) -> Finding | None:
