@@ -19,7 +19,6 @@ GATES = {
     ("kinematics.loops.constraints", "numerics.damped_band"): "a hundred unknowns",
     ("kinematics.loops.start", "numerics.damped_band"): "a hundred unknowns",
     ("kinematics.loops.start", "kinematics.loops.sparse_loops"): "many unknowns",
-    ("simulation.loop_jacobian", "numerics.banded"): "many unknowns",
     ("simulation.model_loops", "numerics.banded"): "many unknowns",
     ("io.toml_reader", "io.toml_forces"): "forces in TOML",
     ("studies.validate", "studies.scene.own_settings"): "a MODEL in MJCF",
