@@ -6,6 +6,7 @@ from os import PathLike, fspath
 from pathlib import Path
 from typing import Any
 
+import mujoco
 import numpy as np
 
 from mechsim.errors import InputError, MechsimError
@@ -119,8 +120,9 @@ def _read(model: Any, loops: str | PathLike[str] | None = None) -> tuple[MjcfMod
     if start and solver.closed_form is None:
         solver = load(model, still=True, start=start)
     spec = spec_and_unlimited(solver)[0]
-    # actuators of nonlinear springs drive nothing
-    for actuator in [each for each in spec.actuators if each.name.startswith("nonlinear spring ")]:
+    # actuators of nonlinear springs drive nothing, and those on sites are the loads and couples of the model
+    site, spring = mujoco.mjtTrn.mjTRN_SITE, "nonlinear spring "
+    for actuator in [each for each in spec.actuators if each.trntype == site or each.name.startswith(spring)]:
         spec.delete(actuator)
     drivers = [name for name in solver.mechanism.drivers if spec.joint(name) is not None]
     read = read_model(spec, drivers=drivers, lint=True)
