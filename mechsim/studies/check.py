@@ -6,7 +6,6 @@ from os import PathLike, fspath
 from pathlib import Path
 from typing import Any
 
-import mujoco
 import numpy as np
 
 from mechsim.errors import InputError, MechsimError
@@ -110,6 +109,8 @@ def _read(model: Any, loops: str | PathLike[str] | None = None) -> tuple[MjcfMod
     own = linted(model, loops)
     if own is not None:
         return own, set()
+    import mujoco
+
     from mechsim.io.readers import load
     from mechsim.studies.robots.mujoco_models import rounded_angle, spec_and_unlimited
 
