@@ -183,7 +183,7 @@ class SparseMatrices:
     def times(self, vectors: Array) -> Array:
         """Return the products with vectors (columns, n), (rows, n); n may be 1 for one of both."""
         terms = self.values * vectors[self.columns]
-        out = np.zeros((self.shape[0], terms.shape[1]))
+        out = np.zeros((self.shape[0], terms.shape[1]), terms.dtype)
         np.add.at(out, self.rows, terms)
         return out
 
@@ -304,7 +304,7 @@ class BandedSystems:
         """The matrices, (n, u, u)."""
         band = self.band
         i, j = band.positions[:, : len(self.values)]
-        out = np.zeros((len(self), *[len(band.equations)] * 2))
+        out = np.zeros((len(self), *[len(band.equations)] * 2), self.values.dtype)
         out[:, i, j] = self.values.T
         out = out[:, band.equations[:, None], band.unknowns]
         if self.border is not None:
@@ -318,14 +318,15 @@ class BandedSystems:
 
         (low, high), count = self.band.widths, len(self.band.equations)
         rows = 2 * low + high + 1
-        storage = np.zeros((len(self), count, rows))
+        storage = np.zeros((len(self), count, rows), self.values.dtype)
         i, j = self.band.positions
         # the entries, then those of the equations that state an unknown
         storage[:, j, low + high + i - j] = 1.0
         i, j = i[: len(self.values)], j[: len(self.values)]
         storage[:, j, low + high + i - j] = self.values.T
         routines: Any = lapack
-        factors, pivots, info = routines.dgbtrf(storage.reshape(-1, rows).T, low, high, overwrite_ab=True)
+        factor = routines.zgbtrf if np.iscomplexobj(storage) else routines.dgbtrf
+        factors, pivots, info = factor(storage.reshape(-1, rows).T, low, high, overwrite_ab=True)
         return factors, pivots, bool(info)
 
     def _banded_solution(self, right: Array, transposed: bool = False) -> Array:
@@ -338,11 +339,12 @@ class BandedSystems:
         first, last = self.band.equations, self.band.unknowns
         if transposed:
             first, last = last, first
-        ordered = np.empty_like(right)
+        ordered = np.empty(right.shape, np.result_type(right, factors))
         ordered[..., first] = right
         sides = ordered.reshape(-1, factors.shape[1]).T
         routines: Any = lapack
-        solved, _ = routines.dgbtrs(factors, *self.band.widths, sides, pivots, trans=int(transposed))
+        solution = routines.zgbtrs if np.iscomplexobj(factors) else routines.dgbtrs
+        solved, _ = solution(factors, *self.band.widths, sides, pivots, trans=int(transposed))
         return solved.T.reshape(right.shape)[..., last]
 
     @cached_property

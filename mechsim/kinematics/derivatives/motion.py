@@ -116,14 +116,17 @@ class TracedMotion:
             Driver positions are increased by `ahead` imaginary steps.
             """
             loops = with_mechanism(chunk.solver.loops, mechanism)
-            solver = replace(chunk.solver, loops=loops)
-            q = Coordinates(chunk.q.values.astype(complex), chunk.q.turns.astype(complex))
+            reference, q = (
+                Coordinates(own.values.astype(complex), own.turns.astype(complex))
+                for own in (chunk.solver.reference, chunk.q)
+            )
+            solver = replace(chunk.solver, loops=loops, reference=reference)
             steps = dict.fromkeys(mechanism.drivers, STEP * ahead)
             steps |= {locked: np.imag(value) for locked, value in mechanism.locked.items()}
             for coordinate, change in steps.items():
                 q.values[loops.tree.index_of[coordinate]] += 1j * change
             before = solver.linearise(q)
-            q = loops.displaced(q, solver.step(before.matrix, before.rhs))
+            q = loops.displaced(q, solver.whole_step(-before.solution(before.rhs)))
             linearised = solver.linearise(q)
             torn = np.abs(linearised.residual.imag).max(initial=0.0)
             residual_change = np.abs(before.residual.imag).max(initial=0.0)
@@ -132,7 +135,8 @@ class TracedMotion:
                     f"{mechanism.name}: {name} alone makes redundant loop equations inconsistent (as a tilt "
                     "out of the plane of a planar linkage does); change the related dimensions, too"
                 )
-            return with_rates(self.path, replace(chunk, solver=solver, q=q, linearised=linearised))
+            moved = replace(chunk, solver=solver, q=q, linearised=linearised)
+            return with_rates(self.path, moved, conditioned=False)
 
         chunks = [(chunk.index, changed(chunk)) for chunk in self.chunks]
         return mechanism, self._record(merged(chunks), mechanism)
