@@ -143,6 +143,16 @@ def test_a_long_row_is_solved_without_dense_matrices(monkeypatch):
     np.testing.assert_allclose(motion.conditioning[0], conditioning_of(solver), rtol=1e-9)
 
 
+def test_derivatives_of_a_long_row_are_those_by_dense_matrices(monkeypatch):
+    row, derivatives = row_of_four_bars(12), []
+    for least in (10, 10_000):
+        monkeypatch.setattr(loop_solver, "MIN_UNKNOWNS", least)
+        table = ms.sensitivity(row, ["P.x", "P.vx", "P.ax"], "A1.at.x", angles=[0.01, 0.02])
+        derivatives.append([*table.by["A1.at.x"].values()])
+    assert np.abs(derivatives[1]).min() > 1e-6
+    np.testing.assert_allclose(*derivatives, rtol=1e-9)
+
+
 @pytest.mark.long
 def test_a_long_row_is_traced_in_a_band_as_by_dense_matrices(monkeypatch):
     row, curves = row_of_four_bars(10), []
