@@ -6,13 +6,8 @@ import numpy as np
 import pytest
 
 import mechsim as ms
+from mechsim.compare import quantities
 from mechsim.compare.crosscheck import crosscheck_forces
-from mechsim.compare.quantities import (
-    FORCES,
-    MOTION,
-    force_scales,
-    stroke_of,
-)
 
 ANGLES, SPEED = np.linspace(-5.9, -0.1, 31), 20.0
 GRAVITY = ms.Forces(gravity=(0.3, -9.81, 0.5), friction=(ms.Friction("crank", 1e-3, 1e-2),))
@@ -41,7 +36,9 @@ def test_motion_by_rounding_alone_does_not_define_the_stroke():
     still = motion.points["A"].position[:1]
     for relative, alike in ((0.0, True), (1e-16, True), (1e-9, False)):
         path = still * (1.0 + relative * np.sin(ANGLES)[:, None])
-        stroke = stroke_of(replace(motion, points={"A": replace(motion.points["A"], position=path)}))
+        stroke = quantities.stroke_of(
+            replace(motion, points={"A": replace(motion.points["A"], position=path)})
+        )
         reach = max(np.abs(link.position).max() for link in motion.links.values())
         assert (stroke >= 0.5 * reach) == alike
 
@@ -62,7 +59,7 @@ def wrong_motion(kind):
     return replace(motion, closure=off)
 
 
-@pytest.mark.parametrize("kind", [row.name for row in MOTION])
+@pytest.mark.parametrize("kind", [row.name for row in quantities.MOTION])
 def test_every_wrong_quantity_of_a_motion_fails_only_its_check(kind):
     linkage = ms.catalog.make("slider_crank")
     assert ms.crosscheck(motion_of("slider_crank"), linkage, speed=SPEED).passed
@@ -103,7 +100,7 @@ def wrong_forces(kind):
 
 def test_zero_potential_energy_is_scaled_by_forces():
     exact = replace(EXACT, potential=np.zeros(len(ANGLES)))
-    force, scale = force_scales(exact)["force"], exact.characteristic_length
+    force, scale = quantities.force_scales(exact)["force"], exact.characteristic_length
     rounded = replace(exact, potential=np.full(len(ANGLES), 1e-16 * force * scale))
     assert crosscheck_forces(rounded, exact, method="pose").passed
     wrong = replace(exact, potential=np.full(len(ANGLES), 1e-12 * force * scale))
@@ -111,7 +108,7 @@ def test_zero_potential_energy_is_scaled_by_forces():
 
 
 @pytest.mark.parametrize("route", ["pose", "step"])
-@pytest.mark.parametrize("kind", [row.name for row in FORCES])
+@pytest.mark.parametrize("kind", [row.name for row in quantities.FORCES])
 def test_every_wrong_quantity_of_forces_fails_only_its_check(kind, route):
     assert crosscheck_forces(EXACT, EXACT, method=route).passed
     assert failed_kinds(crosscheck_forces(wrong_forces(kind), EXACT, method=route)) == {kind}

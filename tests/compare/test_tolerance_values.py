@@ -8,14 +8,8 @@ from catalog_faults import SWINGING
 from grids import grid
 
 from mechsim import catalog, loops
+from mechsim.compare import quantities
 from mechsim.compare.crosscheck import crosscheck
-from mechsim.compare.quantities import (
-    CRANK_DRIVE,
-    DRIVERS,
-    FORCES,
-    MOTION,
-    QUANTITIES,
-)
 from mechsim.compare.tolerances import WELL_CONDITIONED
 from mechsim.kinematics.loops.motion import conditioning_of
 from mechsim.mechanism.motion_laws import swing
@@ -59,7 +53,8 @@ MEASURED = re.compile(r"measured (?P<number>[\d.]+(e-\d+)?)")
 @pytest.mark.parametrize("name", DOCUMENTED)
 def test_tolerances_have_the_documented_values(name):
     result = {
-        route: (limit.fixed, limit.requested, limit.power) for route, limit in QUANTITIES[name].bounds.items()
+        route: (limit.fixed, limit.requested, limit.power)
+        for route, limit in quantities.QUANTITIES[name].bounds.items()
     }
     assert result == {
         route: pytest.approx(row, rel=1e-12, abs=0.0) for route, row in DOCUMENTED[name].items()
@@ -67,13 +62,15 @@ def test_tolerances_have_the_documented_values(name):
 
 
 def test_every_quantity_has_a_unique_name_and_a_documented_tolerance():
-    assert len(QUANTITIES) == len((*MOTION, *CRANK_DRIVE, *DRIVERS, *FORCES))
-    assert DOCUMENTED.keys() == QUANTITIES.keys()
+    assert len(quantities.QUANTITIES) == len(
+        (*quantities.MOTION, *quantities.CRANK_DRIVE, *quantities.DRIVERS, *quantities.FORCES)
+    )
+    assert DOCUMENTED.keys() == quantities.QUANTITIES.keys()
 
 
 def test_tolerances_are_at_most_a_hundred_times_the_measured_errors():
     stated = 0
-    for row in QUANTITIES.values():
+    for row in quantities.QUANTITIES.values():
         for limit in row.bounds.values():
             output = MEASURED.search(limit.reason)
             if output:

@@ -6,21 +6,16 @@ import pytest
 from scene_texts import FINGER
 from studies.test_reduction import LIMIT, evaluator_of, observed
 
+from mechsim.studies.reduction.candidates import rods
 from mechsim.studies.reduction.candidates.bodies import fused_bodies, with_candidate
-from mechsim.studies.reduction.candidates.rods import (
-    add_weight,
-    loose_chains,
-    passive_chains,
-    rods_as_lengths,
-)
 
 
 def test_a_rod_becomes_a_length_with_the_same_mass(tmp_path):
     smooth = FINGER.replace('name="elbow"', 'name="elbow" damping="0"')
     evaluator = evaluator_of(tmp_path, smooth, track=("P,lever@0,0.06,0",))
     result = observed(evaluator)
-    assert [(chain.joints, chain.closing) for chain in loose_chains(result)] == [(("elbow",), "closing")]
-    specs = [with_candidate(evaluator.spec, rod) for rod in rods_as_lengths(result)]
+    assert [(chain.joints, chain.closing) for chain in rods.loose_chains(result)] == [(("elbow",), "closing")]
+    specs = [with_candidate(evaluator.spec, rod) for rod in rods.rods_as_lengths(result)]
     whole, reduced_model = evaluator.spec.copy().compile(), specs[0].copy().compile()
     assert reduced_model.nv == whole.nv - 1
     assert reduced_model.body_mass.sum() == pytest.approx(whole.body_mass.sum(), rel=1e-14)
@@ -35,7 +30,7 @@ def test_a_rod_becomes_a_length_with_the_same_mass(tmp_path):
 
 def test_an_untracked_leaf_is_fused(tmp_path):
     evaluator = evaluator_of(tmp_path, FINGER, track=("P,lever@0,0.06,0",))
-    removals = {direction.what: direction for direction in passive_chains(observed(evaluator))}
+    removals = {direction.what: direction for direction in rods.passive_chains(observed(evaluator))}
     leaf = next(direction for what, direction in removals.items() if "pad" in what)
     reduced_model = evaluator.scene(with_candidate(evaluator.spec, leaf))
     assert "swing" not in [reduced_model.model.joint(j).name for j in range(reduced_model.model.njnt)]
@@ -61,7 +56,7 @@ def test_an_added_mass_updates_centre_and_moments(tmp_path):
     body, rotation = model.body("rod").id, np.empty(9)
     own = float(model.body_mass[body]), model.body_ipos[body].copy(), model.body_inertia[body].copy()
     position, mass = np.array([0.01, -0.02, 0.03]), 0.05
-    add_weight(model, body, mass, position, np.zeros((3, 3)))
+    rods.add_weight(model, body, mass, position, np.zeros((3, 3)))
     mujoco.mju_quat2Mat(rotation, model.body_iquat[body])
     axes = rotation.reshape(3, 3)
     about = lambda m, r: m * (r @ r * np.eye(3) - np.outer(r, r))  # noqa: E731

@@ -12,16 +12,7 @@ import pytest
 import mechsim as ms
 from mechsim import catalog
 from mechsim.numerics.resources import Budget
-from mechsim.studies.tradeoff.methods import (
-    COMPARED,
-    DEFAULTS,
-    LOW_COMPLIANCE,
-    STEPS,
-    BuiltModel,
-    Subject,
-    stepping_methods,
-    subject_of,
-)
+from mechsim.studies.tradeoff import methods
 from mechsim.studies.tradeoff.work_precision import BOUNDS, Tradeoff, command_of, measure_tradeoff
 
 SPEED = 20.0 * np.pi
@@ -30,7 +21,7 @@ SHORT = (72, 288)
 
 @pytest.fixture(scope="module")
 def tradeoff() -> Tradeoff:
-    return measure_tradeoff(subject_of(catalog.make("rssr"), SPEED), budget=90.0, steps=SHORT)
+    return measure_tradeoff(methods.subject_of(catalog.make("rssr"), SPEED), budget=90.0, steps=SHORT)
 
 
 @pytest.mark.long
@@ -45,7 +36,7 @@ def test_all_points_are_measured_and_the_front_is_timed_again(tradeoff):
 def test_rk4_has_fourth_order_and_the_defaults_first(tradeoff):
     hard = tradeoff.order(tradeoff.curves()["RK4, turn/5, 1e-08"])
     assert 3.0 < hard.order < 5.0
-    compliant = tradeoff.order(tradeoff.curves()[DEFAULTS])
+    compliant = tradeoff.order(tradeoff.curves()[methods.DEFAULTS])
     assert compliant.order < 1.5
 
 
@@ -71,18 +62,18 @@ def test_a_diverged_motion_satisfies_no_bound(tradeoff):
 
 
 def test_the_seed_determines_the_trials_of_a_short_budget():
-    subject = subject_of(catalog.make("slider_crank"), SPEED)
+    subject = methods.subject_of(catalog.make("slider_crank"), SPEED)
     stiff = measure_tradeoff(subject, budget=1e-6, steps=SHORT, seed=1)
-    assert {point.method.name for point in stiff.points} == {LOW_COMPLIANCE}
+    assert {point.method.name for point in stiff.points} == {methods.LOW_COMPLIANCE}
     repeated = measure_tradeoff(subject, budget=1e-6, steps=SHORT, seed=1)
     assert [p.as_dict()["method"] for p in repeated.points] == [p.as_dict()["method"] for p in stiff.points]
 
 
 def test_motion_laws_are_stepped_and_the_recommended_command_repeats_them(mechsim):
-    subject = subject_of(ms.load("five_bar"), SPEED)
+    subject = methods.subject_of(ms.load("five_bar"), SPEED)
     (point,) = measure_tradeoff(subject, budget=1e-6, steps=(720,)).points
     # of the fourth order: 4e-7 at 72 steps; the drive follows its law with the second, 2e-4 at 72
-    assert all(point.errors[name] < (1e-5 if name == "drive" else 1e-8) for name in COMPARED)
+    assert all(point.errors[name] < (1e-5 if name == "drive" else 1e-8) for name in methods.COMPARED)
     motion, _ = subject.built.motion(point.settings)
     assert motion is not None
     driven = motion.joints["left"]
@@ -113,7 +104,7 @@ def test_the_command_writes_table_plot_and_json(tmp_path, mechsim):
     assert b"<svg" in plot.read_bytes()
 
 
-SLIDER = subject_of(catalog.make("slider_crank"), SPEED)
+SLIDER = methods.subject_of(catalog.make("slider_crank"), SPEED)
 
 
 def test_no_trial_begins_after_the_budget(monkeypatch):
@@ -123,15 +114,15 @@ def test_no_trial_begins_after_the_budget(monkeypatch):
         now[0] += 1.0
         return settings.steps_per_turn, 1e-5 * settings.steps_per_turn
 
-    monkeypatch.setattr(BuiltModel, "motion", motion)
+    monkeypatch.setattr(methods.BuiltModel, "motion", motion)
     monkeypatch.setattr(
-        BuiltModel, "stepped", lambda self, settings: (None, Spent(motion(self, settings)[1]))
+        methods.BuiltModel, "stepped", lambda self, settings: (None, Spent(motion(self, settings)[1]))
     )
-    monkeypatch.setattr(Subject, "errors", lambda _, n: dict.fromkeys(COMPARED, n**-4.0))
+    monkeypatch.setattr(methods.Subject, "errors", lambda _, n: dict.fromkeys(methods.COMPARED, n**-4.0))
     tradeoff = measure_tradeoff(SLIDER, budget=Budget(50.0, start=0.0, now=lambda: now[0]))
     # three fifths for the trials, of a second each, and the rest for timing them again
     assert len(tradeoff.points) == 31
-    assert len(tradeoff.points) + tradeoff.left_out == len(STEPS) * len(stepping_methods())
+    assert len(tradeoff.points) + tradeoff.left_out == len(methods.STEPS) * len(methods.stepping_methods())
     assert tradeoff.untried
     assert tradeoff.seconds == 50.0
 
