@@ -5,21 +5,15 @@ import numpy as np
 import pytest
 from equalities import KINDS, text_with
 
-from mechsim.simulation import loop_jacobian
+from mechsim.simulation import loop_jacobian, recording
 from mechsim.simulation.equality_rows import CouplingConstraint, Sum, chained
 from mechsim.simulation.model_loops import read_loops
-from mechsim.simulation.recording import (
-    States,
-    add_sensors,
-    closure_acceleration,
-    link_motions,
-)
 from mechsim.simulation.state import has_dry_friction
 
 
 def model_of(equality):
     spec = mujoco.MjSpec.from_string(text_with(equality))
-    track = add_sensors(spec, ("s", "t"))
+    track = recording.add_sensors(spec, ("s", "t"))
     return spec.compile(), track
 
 
@@ -61,8 +55,10 @@ def test_closure_acceleration_is_the_second_derivative_of_the_residual(kind):
     data.qpos[:], data.qvel[:] = qpos[0], rates[0]
     mujoco.mj_forward(model, data)
     fields = {name: getattr(data, name)[None] for name in ("xpos", "xmat", "sensordata", "qacc")}
-    links = link_motions(model, track, fields)
-    result = closure_acceleration(loops, States(np.zeros(1), qpos, rates), data.qacc[None], links)[0]
+    links = recording.link_motions(model, track, fields)
+    result = recording.closure_acceleration(
+        loops, recording.States(np.zeros(1), qpos, rates), data.qacc[None], links
+    )[0]
     step = 2e-3
     time = step * np.arange(-4, 5)[:, None]
     path = loops.displaced(np.repeat(qpos, 9, 0), rates * time + 0.5 * data.qacc * time**2)
