@@ -38,6 +38,7 @@ def cut_loops(
     keep: Collection[str] = (),
     acting: Collection[str] = (),
     welds: bool = False,
+    first: Collection[str] = (),
 ) -> Tree:
     """Return a spanning tree of the mechanism's links, rooted in the frame.
 
@@ -49,6 +50,7 @@ def cut_loops(
         acting: coordinates that actuators act on; their joints are not cut.
         welds: whether hinges of a spatial mechanism are split and welded too. Rows of two points on an axis
             depend on each other; they close the loops, but MuJoCo's residual forces brake free motion.
+        first: names of joints to cut, if a loop contains them, before any other.
 
     A joint that no point closes is split and welded if no other joint of its loop can be cut.
 
@@ -78,7 +80,8 @@ def cut_loops(
         steps, kind = min(distance[joint.a.link], distance[joint.b.link]), KINDS[joint.kind]
         name, cuttable = joint.name, _cuttable(kind)
         dof = cuttable and kind.dof
-        return name not in requested, name in needed, not cuttable, name in keep, -dof, -steps
+        chosen = name in requested or name in first
+        return not chosen, name in needed, not cuttable, name in keep, -dof, -steps
 
     # among joints with equal priority the first stays
     ordered = sorted(mechanism.joints, key=priority, reverse=True)
@@ -112,7 +115,18 @@ def cut_loops(
         parent, child = (joint.a, joint.b) if forward else (joint.b, joint.a)
         branches.append(Branch(joint, parent, child, 1 if forward else -1))
         placed.add(child.link)
+    # mj_jacDot of MuJoCo 4.0.0, and so the acceleration of an equality, is wrong for a slide after a ball
+    late = {
+        branch.joint.name for branch in branches if branch.direction < 0 and _slides_on_ball(branch.joint)
+    }
+    if cut is None and not late <= {*first}:
+        return cut_loops(mechanism, keep=keep, acting=acting, welds=welds, first={*first, *late})
     return Tree(mechanism, tuple(branches), (*cuts, *rods))
+
+
+def _slides_on_ball(joint: Joint) -> bool:
+    kind = KINDS[joint.kind]
+    return kind.ball and bool(kind.slides) and not kind.floating
 
 
 def _require_cuttable(mechanism: Mechanism, requested: set[str], reasons: Mapping[str, set[str]]) -> None:
