@@ -156,7 +156,9 @@ class ContinuationPath(PathStates[E, Q]):
         self.reach(target, direction)
 
     def reach(self, target: float, direction: int, length: float | None = None) -> None:
-        """Trace the assembly to a parameter and no farther; the length is that of the next segment, if known.
+        """Trace the assembly to a parameter; the length is that of the next segment, if known.
+
+        The last segment ends there, or at a dead centre a little farther on.
 
         Raises:
             AssemblyError: at the parameter beyond which the loops cannot close in this assembly mode.

@@ -308,7 +308,9 @@ def _paths_from_start(like: SharedLoops, started: StartedDesigns) -> Iterator[De
         yield DesignPaths(loop_solver(designs, q), like.prescribed, like.initial)
         return
     for path in followed(DesignPaths(loop_solver(designs, q), line, 0.0), (distance,)):
-        q = path.unflat(path.segments[1][-1].states[-1:], np.array([distance]), target)
+        # the last segment may continue to a dead centre
+        last, s = path.segments[1][-1], np.array([distance])
+        q = path.unflat(last.evaluate(s), s, target)
         yield DesignPaths(loop_solver(path.loops, q), like.prescribed, like.initial)
 
 

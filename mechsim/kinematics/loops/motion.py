@@ -272,7 +272,9 @@ def _moved_to_start(first: TreeSolver, target: Array, policy: ChangePointPolicy)
     path_names = PathNames("the drivers on their way to the start of the motion laws", position, position)
     path = LoopPath(first, prescribed, 0.0, policy, path_names)
     path.reach(distance, 1)
-    return loop_solver(loops, path.unflat(path.segments[1][-1].states[-1:], np.array([distance]), target))
+    # the last segment may continue to a dead centre
+    last, s = path.segments[1][-1], np.array([distance])
+    return loop_solver(loops, path.unflat(last.evaluate(s), s, target))
 
 
 def instants_of_laws(
