@@ -61,14 +61,18 @@ def started_model(
         return StartedModel(compiled(spec), None, [*solver.facts, *limits])
     if set:
         raise InputError(f"{model}: a MuJoCo model has no parameters; leave out --set")
-    is_compiled = isinstance(model, mujoco.MjModel) and loops is None
-    compiled_model = model if is_compiled else compiled(parse_file(own)[0])
+    notes = list[str]()
+    if isinstance(model, mujoco.MjModel) and loops is None:
+        compiled_model = model
+    else:
+        parsed = parse_file(own)
+        compiled_model, notes = compiled(parsed.spec), printed(parsed.unread)
     try:
         read = read_mjcf(own, Prescription(key=key, start=start or {}, still=True))
     except MechsimError:
         if start:
             raise
-        return StartedModel(compiled_model, keyframe(compiled_model, key), printed(parse_file(own).unread))
+        return StartedModel(compiled_model, keyframe(compiled_model, key), notes)
     return StartedModel(compiled_model, read.source.qpos, read.facts)
 
 
