@@ -1,7 +1,6 @@
 """Command `mechsim simulate`: a mechanism or a user's MJCF scene in MuJoCo."""
 
 from collections.abc import Mapping
-from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from typing import Annotated, Any
 
@@ -16,16 +15,16 @@ from mechsim.cli.options import SPEED, ChangePointOption, ControlOptions, ModelO
 from mechsim.cli.output import number, print_text
 from mechsim.cli.progress import progress
 from mechsim.cli.verdict_text import headline
-from mechsim.errors import AssemblyError, InputError, MobilityError, several
+from mechsim.errors import AssemblyError, InputError, several
 from mechsim.io.driver_positions import Poses, driver_path
 from mechsim.io.scene_findings import scene_findings
+from mechsim.io.simulate_by_name import simulate as run_in_mujoco
 from mechsim.kinematics.loops.record import with_all_joints
 from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.mechanism.motion import select_instants
 from mechsim.mechanism.motion_laws import CrankProfile, constant, interval_around, make_motion_laws
 from mechsim.mechanism.scene import Scene
 from mechsim.simulation.run import Run
-from mechsim.simulation.run import simulate as run_in_mujoco
 from mechsim.simulation.settings import SettingOptions, Settings, plain_settings
 from mechsim.studies.motions import driven_as
 from mechsim.units import crank_speed, option, parse_length, parse_time
@@ -109,7 +108,6 @@ def simulate(
         run, laws = _poses(solver, options), None
     else:
         run = _run(solver, motion, options, settings)
-        _require_ranges(solver, run)
         laws = None if solver.motion_laws.crank else solver.motion_laws
         if solver.source is not None and laws is None:
             # the motion of the crank of an MJCF file as a motion law
@@ -184,17 +182,6 @@ def _run(
             scene=Scene(level="motion", forces=solver.forces),
             progress=report,
         )
-
-
-def _require_ranges(solver: KinematicSolver, run: Run) -> None:
-    """Raise AssemblyError if a joint leaves its range; models of files in MJCF have their limits."""
-    if solver.ranges and solver.source is None:
-        solution = None
-        # undetermined motions have no solution
-        with suppress(AssemblyError, MobilityError):
-            solution = solver.whole_motion(run.motion.angle)
-        if solution is not None:
-            solver.within_ranges(solution)
 
 
 def _poses(solver: KinematicSolver, options: RunOptions) -> Run:

@@ -560,7 +560,7 @@ class Integration:
         tables = [profile.value for profile in self.equations.model.forces.load_profiles]
         rows = max((len(each.spline.c) for each in tables if isinstance(each, Interpolated)), default=0)
         if rows > MANY_ROWS:
-            remedy += f", or fewer than the {rows:,} rows of a load table, which bends at each of them"
+            remedy += f", or fewer than the {rows:,} rows of a load table, each of which ends a step"
         events = several(len(self.events), "impact or change", "impacts and changes")
         return "work budget spent", (
             f"{self.steps:,} steps with {events} of friction evaluate "

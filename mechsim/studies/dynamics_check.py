@@ -3,10 +3,10 @@
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from mechsim.compare.checks import Check, Verdict, check_of, concluded
 from mechsim.compare.crosscheck import crosscheck_forces
@@ -410,6 +410,19 @@ def _change(coarse: Array, fine: Array) -> float:
     return float(lengths(difference).max())
 
 
+def _nearest_pairs(distances: Array) -> list[tuple[int, int]]:
+    """Return the pairs with the least sum of distances, (m, n); others take the nearest one."""
+    from scipy import optimize
+
+    routines: Any = optimize
+    rows, columns = routines.linear_sum_assignment(np.fmin(distances, HUGE))
+    pairs = list(zip(rows.tolist(), columns.tolist(), strict=True))
+    alone = np.setdiff1d(np.arange(len(distances)), rows)
+    pairs += [(k, int(distances[k].argmin())) for k in alone.tolist()]
+    alone = np.setdiff1d(np.arange(distances.shape[1]), columns)
+    return pairs + [(int(distances[:, i].argmin()), i) for i in alone.tolist()]
+
+
 def crosscheck_equilibrium(equilibrium: Equilibrium, model: DynamicModel) -> Verdict:
     """Compare an equilibrium with MuJoCo at rest in its configuration.
 
@@ -437,10 +450,7 @@ def crosscheck_equilibrium(equilibrium: Equilibrium, model: DynamicModel) -> Ver
     checks = [_static_check("acceleration at rest", state.accelerations, Tolerance(still, "1/s2", reason))]
     # each eigenvalue is compared once; those of conjugate ones are conjugate
     distances = np.abs(exact[:, None] - state.eigenvalues)
-    pairs = sorted(
-        zip(*linear_sum_assignment(np.fmin(distances, HUGE)), strict=True),
-        key=lambda pair: abs(exact[pair[0]]),
-    )
+    pairs = sorted(_nearest_pairs(distances), key=lambda pair: abs(exact[pair[0]]))
     upper = [(k, i) for k, i in pairs if exact[k].imag >= 0.0]
     for number, (k, i) in enumerate(upper, start=1):
         error, value = float(distances[k, i]), complex(exact[k])
