@@ -53,8 +53,9 @@ RANDOM_CONFIGURATIONS = 10
 # largest number of sets of stops that are tried for a mechanism with several degrees of freedom: three joints
 # with two stops each have 26 sets, four have 80
 STOP_SETS = 60
-# largest number of sets of contacts and ropes that are open or slack while the others are closed
-OPEN_SETS = 16
+# largest number of sets of contacts and ropes that are open or slack while the others are closed: all sets of
+# six; those to which forces and gaps of other sets lead are tried first
+OPEN_SETS = 64
 # tensile force of a contact, relative to the largest force of the contacts and ropes, that is rounding
 NO_TENSION = 1e-9
 # length of one of these random steps, in [rad] or characteristic lengths
@@ -122,7 +123,8 @@ def equilibria(
     beyond limits of joints are left out, and those at stops that press are added. With several degrees of
     freedom, the same search runs with coordinates locked at their limits: each alone, and those together
     beyond which another equilibrium lies, in `STOP_SETS` sets at most. Contacts only push and ropes only
-    pull: the search is repeated with each set of them open or slack, in `OPEN_SETS` sets at most.
+    pull: the search is repeated with those open or slack that would pull, push or overlap, and with each set
+    of them, in `OPEN_SETS` sets at most.
 
     Args:
         source: a mechanism, or an object that has one.
@@ -142,27 +144,48 @@ def equilibria(
     for name, count in (("starts", starts), ("assemblies", assemblies)):
         require_count(f"{name} of the search", count, MAX_STARTS, "give fewer", least=0)
     search = starts, assemblies, seed
-    result, laws = _with_closed_contacts(model, initial or {}, search), _one_sided_laws(model.mechanism)
-    if laws:
-        closed = prepared_equations(model, None, initial or {})[0].loops
-        result = [each for each in result if _pushes(each)]
-        sets = (each for count in range(1, len(laws) + 1) for each in combinations(laws, count))
-        for opened in islice(sets, OPEN_SETS):
-            couplings = tuple(law for law in model.mechanism.couplings if law not in opened)
-            without = replace(model, mechanism=replace(model.mechanism, couplings=couplings))
-            try:
-                results = _with_closed_contacts(without, initial or {}, search)
-            except (AssemblyError, InputError):
-                # a link without mass moves freely
-                continue
-            names = tuple(gap_of(model.mechanism, law).removesuffix(GAP) for law in opened)
-            rows = [row for row in closed.couplings if row.coupling in opened]
-            for each in results:
-                errors = np.array([row.evaluate(each.linear.q.values)[0][0] for row in rows])
-                gaps = np.where([row.coupling.rope for row in rows], -errors, errors)
-                if gaps.min() > CLOSED_GAP and _pushes(each):
-                    result.append(replace(each, open=names))
+    laws, result, tried = _one_sided_laws(model.mechanism), list[Equilibrium](), list[set[str]]()
+    every = (set(each) for count in range(len(laws) + 1) for each in combinations(laws, count))
+    waiting = [next(every)]
+    while waiting and len(tried) < OPEN_SETS:
+        opened = waiting.pop()
+        if opened not in tried:
+            tried.append(opened)
+            for each, wrong in _with_open(model, opened, initial or {}, search):
+                if wrong:
+                    waiting.append(opened ^ wrong)
+                else:
+                    result.append(replace(each, open=tuple(name for name in laws if name in opened)))
+        waiting = waiting or [*islice(every, 1)]
     return tuple(sorted(result, key=lambda equilibrium: equilibrium.potential))
+
+
+def _with_open(
+    model: DynamicModel, opened: set[str], initial: Mapping[str, Initial], search: tuple[int, int, int]
+) -> Iterator[tuple[Equilibrium, set[str]]]:
+    """Yield equilibria with open contacts and slack ropes, all others closed and taut, and which are wrong.
+
+    Those are wrong that would have to pull, or to push as a rope, and open ones that overlap.
+    """
+    laws = [law for name, law in _one_sided_laws(model.mechanism).items() if name in opened]
+    couplings = tuple(law for law in model.mechanism.couplings if law not in laws)
+    rows = [
+        row for row in prepared_equations(model, None, initial)[0].loops.couplings if row.coupling in laws
+    ]
+    try:
+        results = _with_closed_contacts(
+            replace(model, mechanism=replace(model.mechanism, couplings=couplings)), initial, search
+        )
+    except (AssemblyError, InputError):
+        # a link without mass moves freely
+        if not opened:
+            raise
+        return
+    for each in results:
+        gaps = [(-1 if row.coupling.rope else 1) * row.evaluate(each.linear.q.values)[0][0] for row in rows]
+        names = [gap_of(model.mechanism, row.coupling).removesuffix(GAP) for row in rows]
+        overlapping = {name for name, gap in zip(names, gaps, strict=True) if gap <= CLOSED_GAP}
+        yield each, overlapping.union(_pulling(each.linear.equations, each.linear.q))
 
 
 def _with_closed_contacts(
@@ -188,9 +211,10 @@ def _with_closed_contacts(
     return [each for each in described if not _beyond(model, each.q, ranges)]
 
 
-def _one_sided_laws(mechanism: Mechanism) -> list[Coupling]:
-    """Return the laws of contacts that can only push, and of ropes."""
-    return [law for law in mechanism.couplings if gap_of(mechanism, law) and not law.backlash]
+def _one_sided_laws(mechanism: Mechanism) -> dict[str, Coupling]:
+    """Return the laws of contacts that can only push, and of ropes, by their names."""
+    gaps = {gap_of(mechanism, law): law for law in mechanism.couplings}
+    return {gap.removesuffix(GAP): law for gap, law in gaps.items() if gap and not law.backlash}
 
 
 def _pushes(equilibrium: Equilibrium) -> bool:
@@ -201,7 +225,7 @@ def _pushes(equilibrium: Equilibrium) -> bool:
 def _pulling(equations: EquationsOfMotion, q: Coordinates, drivers: Sequence[str] = ()) -> list[str]:
     """Return the contacts that would have to pull, and the ropes to push, to hold a configuration."""
     mechanism, index_of = equations.model.mechanism, equations.loops.tree.index_of
-    gaps = [gap_of(mechanism, law) for law in _one_sided_laws(mechanism)]
+    gaps = [name + GAP for name in _one_sided_laws(mechanism)]
     if not gaps:
         return []
     opening = equations_of_motion(replace(equations.model, mechanism=with_gaps(mechanism)), {})
