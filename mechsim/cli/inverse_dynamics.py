@@ -88,7 +88,8 @@ def inverse(
     model = loads.dynamic_model(source.load_moving(by_motors=True))
     stated.exclude(CRANK_ONLY, "under motion laws", not model.solver.motion_laws.crank)
     note_replaced(model.solver)
-    model = replace(model, forces=model.forces.without_motor())
+    mechanism = model.mechanism
+    model = replace(model, forces=model.forces.under_drivers({*mechanism.drivers, *mechanism.locked}))
     try:
         result = _prescribed(model, options, verbose)
     except FrictionError as error:

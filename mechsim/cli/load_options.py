@@ -158,7 +158,8 @@ class LoadOptions:
 
 def note_replaced(solver: KinematicSolver) -> None:
     """Note which forces of a file a prescribed motion replaces: its torques are without them."""
-    if replaced := forces_of(solver).replaced_by_motion:
+    driven = {*solver.mechanism.drivers, *solver.mechanism.locked}
+    if replaced := forces_of(solver).replaced_by(driven):
         notes.append(f"{solver.name}: the prescribed motion replaces {', '.join(replaced)} of the file")
 
 

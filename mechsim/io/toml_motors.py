@@ -82,14 +82,14 @@ def _law(values: Values, name: str, entry: Mapping[str, Any], unit: Unit, path: 
         return values.quantity(entry[key], ALONG[unit][quantity], (*path, key))
 
     if entry["kind"] == "constant":
-        return {"bias": (number("torque", "force"), 0.0, 0.0)}
+        return {"gain": (0.0, 0.0, 0.0), "bias": (number("torque", "force"), 0.0, 0.0)}
     if entry["kind"] == "line":
         stall, no_load = number("stall", "force"), number("no_load", "rate")
         if not stall * no_load > 0.0:
             raise InputError(
                 f"motor {name} drives nothing: stall and no_load need the same sign; correct one"
             )
-        return {"bias": (stall, 0.0, -stall / no_load)}
+        return {"gain": (0.0, 0.0, 0.0), "bias": (stall, 0.0, -stall / no_load)}
     written = entry["target"]
     text = written if isinstance(written, str) else f"{written:.17g}+0*t"
     scale, names = values.in_si(1.0, unit), values.parameters

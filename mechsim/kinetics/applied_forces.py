@@ -15,6 +15,7 @@ from mechsim.errors import InputError
 from mechsim.kinematics.vector_method.rotations import dot, rotation_vector
 from mechsim.kinetics.model import DynamicModel
 from mechsim.kinetics.unit_motion import UnitMotion
+from mechsim.mechanism.actuators import no_control
 from mechsim.mechanism.forces import Friction, Location
 from mechsim.mechanism.joint_kinds import COLUMN, KINDS
 from mechsim.mechanism.joints import Joint, joint_coordinate
@@ -273,6 +274,28 @@ def loads(
     course = model.forces.crank_torque
     crank = np.zeros(len(unit)) if course is None else course.evaluate(unit.angle, time)
     return Loads(out, crank, crank + power(unit, out), energy, work, lost)
+
+
+def motor_wrenches(model: DynamicModel, unit: UnitMotion, time: Array | None, speed: Array) -> Array:
+    """Return the wrenches of actuators besides the drivers', (n, L, 6), at times and crank speeds (n,)."""
+    out, mechanism = np.zeros_like(unit.twist), unit.mechanism
+    for actuator in model.forces.under_drivers({*mechanism.drivers, *mechanism.locked}).actuators:
+        if time is None and actuator.control is not no_control:
+            raise InputError(f"motor {actuator.name} needs times, and only crank angles are known; give them")
+        inputs = actuator.input(np.zeros(len(unit)) if time is None else time)
+        ends = {name: (ratio, *mechanism.joint_with(name)) for name, ratio in actuator.gear.items()}
+        if actuator.ends:
+            length, rate = (actuator.pull * each for each in distance_and_rate(unit, actuator.ends))
+        else:
+            length = sum(ratio * _coordinate(unit, joint, k, 0.0) for ratio, joint, k in ends.values())
+            rate = sum(ratio * joint_rates(unit, joint)[k] for ratio, joint, k in ends.values())
+        force = actuator.force(inputs, length, rate * speed, np.zeros(len(unit)))
+        if actuator.ends:
+            add_tension(unit, out, actuator.ends, -actuator.pull * force)
+        for ratio, joint, k in ends.values():
+            add_joint_force(unit, out, joint, k, ratio * force)
+    require_idle(unit, out, "a motor")
+    return out
 
 
 def length_and_rate(unit: UnitMotion, spring: NonlinearSpring) -> tuple[Array, Array]:

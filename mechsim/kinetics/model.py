@@ -69,7 +69,7 @@ class DynamicModel:
     def _counted(self, motion: Motion, angles: Array) -> Motion:
         """Return a motion in which hinges with springs count revolutions; formulas have them within one."""
         mechanism = self.solver.mechanism
-        names = [n for n in self.forces.sprung if mechanism.unit(n) == "rad" and n not in mechanism.drivers]
+        names = [n for n in self.forces.uncut if mechanism.unit(n) == "rad" and n not in mechanism.drivers]
         if not names or self.solver.closed_form is None:
             return motion
         by_loops = self.solver.by_loop_equations(angles).whole_motion(angles)

@@ -10,7 +10,16 @@ from numpy.typing import ArrayLike, NDArray
 
 from mechsim.errors import InputError
 from mechsim.kinematics.path_instants import PathInstants, crank_motion, path_instants
-from mechsim.kinetics.applied_forces import STILL, Dry, add_couple, add_joint_forces, applied, loads
+from mechsim.kinetics.applied_forces import (
+    STILL,
+    Dry,
+    add_couple,
+    add_joint_forces,
+    applied,
+    loads,
+    motor_wrenches,
+    power,
+)
 from mechsim.kinetics.load_friction import with_load_friction
 from mechsim.kinetics.model import DynamicModel
 from mechsim.kinetics.reactions import balance
@@ -37,7 +46,7 @@ class InverseDynamics:
         model: the dynamic model.
         forces: the record that both methods compute; the drive torque is by virtual power and replaces the
             motor. Where Coulomb friction reverses, reactions are without it, halfway between two values.
-        load: generalised force of the loads on the crank, (n,) in [N m].
+        load: generalised force of the loads, and of motors besides the drive, on the crank, (n,) in [N m].
         reduced: coefficients of the reduced equation.
         second_torque: the drive torque by the Newton-Euler equations, an independent method, (n,) in [N m].
         indeterminacy: number of independent self-stresses: joint forces in balance without any load.
@@ -114,7 +123,7 @@ def prescribed(
     A coupler with an undetermined rotation about its line has neither torque nor momentum about it.
 
     Args:
-        model: the dynamic model; its motor is ignored.
+        model: the dynamic model, without `Forces.replaced_by` its drivers.
         angles: crank angles, (n,) in [rad] or text such as "0:360:5deg"; under motion laws use `t`.
         speed: crank speed, scalar or (n,) in [rad/s] or text such as "600rpm".
         acceleration: crank acceleration, scalar or (n,) in [rad/s2].
@@ -228,10 +237,12 @@ def moved_as(
         driver = unit.mechanism.crank
         add_couple(unit, shared, driver, (outside.crank - flywheel * e)[:, None] * unit.axis(driver))
     _add_actuators(unit, shared, actuators or {})
+    motors = motor_wrenches(model, unit, times, w)
+    shared, work = shared + motors, power(unit, motors)
     acting = with_load_friction(unit, model.forces, acting, inertial - outside.wrenches - shared, w)
     reduced = reduced_coefficients(unit, acting, flywheel)
     forces = balance(unit, inertial - acting.total(w) - outside.wrenches - shared)
-    torque = reduced.torque(w, e) - outside.torque
+    torque = reduced.torque(w, e) - outside.torque - work
     force, moment = _shaking(model, unit, inertial, acting.gravity + outside.wrenches, e)
     record = ForceRecord(
         characteristic_length=unit.mechanism.characteristic_length,
@@ -247,7 +258,7 @@ def moved_as(
         undetermined=forces.undetermined,
         kinetic=kinetic_energy_of_links(unit, w, flywheel),
         potential=reduced.energy,
-        power_in=torque * w,
+        power_in=(torque + work) * w,
         power_loads=outside.torque * w,
         power_lost=reduced.damping * w**2 + reduced.coulomb * np.abs(w),
         residual=forces.residual,
@@ -261,7 +272,7 @@ def moved_as(
     return InverseDynamics(
         model=model,
         forces=record,
-        load=outside.torque,
+        load=outside.torque + work,
         reduced=reduced,
         second_torque=_parameter_torque(unit, forces.drives),
         indeterminacy=forces.indeterminacy,

@@ -14,7 +14,7 @@ Source: MuJoCo documentation, Computation, section "Actuation model"; of the dir
 Modern Control Engineering, section 3.3, with the current as w.
 """
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -98,6 +98,16 @@ class Actuator:
     def limited(self) -> bool:
         """Whether control, state or force has a limit."""
         return bool(np.isfinite([self.control_range, self.state_range, self.force_range]).any())
+
+    def replaced(self, driven: Collection[str]) -> bool:
+        """Whether drivers replace it: it acts on their coordinates alone."""
+        return not self.ends and {*self.gear} <= {*driven}
+
+    @property
+    def by_motion(self) -> bool:
+        """Whether motion and time determine its force: it has no state, and a control if one acts."""
+        unknown = self.inflow is not None or (self.control is no_control and any(self.gain))
+        return not (unknown or (any(self.direct) and any(self.gain[1:])))
 
     def check(self, mechanism: Mechanism) -> None:
         """Raise InputError if the mechanism lacks one of the coordinates."""

@@ -5,7 +5,7 @@ Both methods read these descriptions. Vectors are in the ground frame, in SI.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
@@ -144,7 +144,7 @@ class Forces:
         motor: motor of the crank; its torque acts on the driven joint's link b, the opposite on link a. A
             prescribed motion ignores it: the drive torque is the torque that a motor would have to supply.
         controllers: forces that depend on the state; they act in runs from an initial state.
-        actuators: actuators with controls. A prescribed motion ignores them, as it does the motor.
+        actuators: actuators with controls. A prescribed motion ignores those in `replaced_by`.
         armature: coordinate -> moment of inertia or mass that moves with it, such as a rotor's.
     """
 
@@ -226,19 +226,23 @@ class Forces:
                 "leave the controllers out"
             )
 
-    def without_motor(self) -> Forces:
-        """Return the same forces without motor, actuators and armature, which a prescribed motion ignores."""
-        return replace(self, motor=None, actuators=(), armature={})
+    def under_drivers(self, driven: Collection[str]) -> Forces:
+        """Return the same forces without those in `replaced_by`, which a prescribed motion ignores."""
+        acting = (each for each in self.actuators if each.by_motion and not each.replaced(driven))
+        acting = tuple(replace(each, inertia=0.0) for each in acting)
+        return replace(self, motor=None, actuators=acting, armature={})
 
-    @property
-    def replaced_by_motion(self) -> list[str]:
-        """What `without_motor` leaves out, in a few words each."""
+    def replaced_by(self, driven: Collection[str]) -> list[str]:
+        """What drivers replace, or their motion does not determine, in a few words each."""
+        others = [each for each in self.actuators if not each.replaced(driven)]
         present = {
-            "the motor": self.motor is not None,
-            f"the actuators {', '.join(actuator.name for actuator in self.actuators)}": bool(self.actuators),
-            f"the armature of {', '.join(self.armature)}": bool(self.armature),
+            "the motor": ["motor"] if self.motor else [],
+            "the actuators {}": [each.name for each in self.actuators if each.replaced(driven)],
+            "the undetermined force of {}": [each.name for each in others if not each.by_motion],
+            "the rotors of {}": [each.name for each in others if each.inertia and each.by_motion],
+            "the armature of {}": [*self.armature],
         }
-        return [name for name, acts in present.items() if acts]
+        return [text.format(", ".join(names)) for text, names in present.items() if names]
 
     @property
     def controlled(self) -> set[str]:

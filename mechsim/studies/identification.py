@@ -180,7 +180,7 @@ def identify(
     still = load(model, **options, still=True)
     log = _log_of(table_columns(table, where), still.mechanism, where)
     moving = load(model, **options, drive=log.laws, duration=float(log.time[-1]))
-    dynamics = dynamic_model(moving, forces_of(moving).without_motor())
+    dynamics = dynamic_model(moving, forces_of(moving).under_drivers(moving.mechanism.drivers))
     require_constant_friction(dynamics, "an identification")
     nominal = _parameters(still, log)
     names = _chosen(vary, nominal)

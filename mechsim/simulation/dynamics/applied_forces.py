@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from mechsim.numerics.banded import SparseMatrices
 
 Fields = Mapping[str, Array]
+SITES = int(mujoco.mjtWrap.mjWRAP_SITE)
 
 
 def add_force(stack: Array, fields: Fields, body: int, point: Array, force: Array) -> None:
@@ -37,10 +38,16 @@ def native(model: mujoco.MjModel, fields: Fields) -> AppliedForces:
         effort, gear = fields["actuator_force"][:, i, None], model.actuator_gear[i]
         target, reference = (int(index) for index in model.actuator_trnid[i])
         if model.actuator_trntype[i] != SITE:
+            joints, ratios = [target], [1.0]
             if model.actuator_trntype[i] == TENDON:
-                _add_pull(model, fields, target, -effort[:, 0], forces.wrenches)
-            else:
-                forces.generalised[:, model.jnt_dofadr[target]] += effort[:, 0] * gear[0]
+                first = int(model.tendon_adr[target])
+                wrapped = slice(first, first + int(model.tendon_num[target]))
+                joints, ratios = model.wrap_objid[wrapped], model.wrap_prm[wrapped]
+                if model.wrap_type[first] == SITES:
+                    _add_pull(model, fields, target, -gear[0] * effort[:, 0], forces.wrenches)
+                    continue
+            for joint, ratio in zip(joints, ratios, strict=True):
+                forces.generalised[:, model.jnt_dofadr[joint]] += effort[:, 0] * gear[0] * ratio
             continue
         axes = fields["site_xmat"][:, reference].reshape(-1, 3, 3)
         bodies = model.site_bodyid[[target, reference]]
@@ -55,7 +62,7 @@ def native(model: mujoco.MjModel, fields: Fields) -> AppliedForces:
 
 def _add_tendon(model: mujoco.MjModel, fields: Fields, i: int, wrenches: Array) -> None:
     """Add the force of a spring between two sites."""
-    if model.wrap_type[model.tendon_adr[i]] != int(mujoco.mjtWrap.mjWRAP_SITE):
+    if model.wrap_type[model.tendon_adr[i]] != SITES:
         return
     stretch = fields["ten_length"][:, i] - model.tendon_lengthspring[i, 0]
     springs, dampers = model.tendon_stiffness, model.tendon_damping

@@ -326,7 +326,8 @@ def powers(loaded: LoadedModel, state: LoadedState) -> tuple[Array, Array, Array
     lost += (model.tendon_frictionloss * np.abs(state.plain["ten_velocity"])).sum(1) + state.rubbing
     lost += stored_and_lost(loaded, state.plain)[1]
     loads = slice(kinds.crank_torque.start, kinds.nonlinear.stop)
-    return lost, power[:, loads].sum(1), power[:, kinds.motor].sum(1)
+    motors = power[:, kinds.motor].sum(1) + power[:, kinds.actuators].sum(1)
+    return lost, power[:, loads].sum(1), motors
 
 
 def state_at_crank(loaded: LoadedModel, angle: float, speed: float) -> tuple[Array, Array]:

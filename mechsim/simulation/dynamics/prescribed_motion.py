@@ -7,10 +7,12 @@ from dataclasses import replace
 import numpy as np
 
 from mechsim.errors import InputError
+from mechsim.mechanism.actuators import NO_LIMIT, Actuator
 from mechsim.mechanism.forces import Forces, forces_of
 from mechsim.mechanism.masses import masses_of
 from mechsim.mechanism.mechanism import Mechanism, described
 from mechsim.mechanism.motion_laws import CrankProfile, MotionLaws
+from mechsim.numerics.arrays import Array
 from mechsim.numerics.resources import Progress, no_progress
 from mechsim.simulation import loop_jacobian
 from mechsim.simulation.configurations import passed_change_points, require_regular_start, undecided_note
@@ -94,7 +96,9 @@ def driven(
     motion_laws = laws_of(source, motion_laws, speed if profile is None else profile)
     mechanism, acting = described(source), forces_of(source, forces)
     acting.require_no_controllers(mechanism.name)
-    loaded = loaded_model(mechanism, acting.without_motor(), cut, follows_laws=not motion_laws.crank)
+    acting = acting.under_drivers({*mechanism.drivers, *mechanism.locked})
+    acting = replace(acting, actuators=tuple(map(_in_control, acting.actuators)))
+    loaded = loaded_model(mechanism, acting, cut, follows_laws=not motion_laws.crank)
     loaded = at_initial_state(loaded, motion_laws)
     profile = profile or requested_profile(motion_laws, speed, turns, mechanism.start)
     if method == "pose":
@@ -108,6 +112,19 @@ def driven(
     interval = record_interval(profile, total, samples)
     run = _stepped(loaded, profile, settings, samples or -(-total // interval), interval, progress)
     return replace(run, note="; ".join(text for text in (note, run.note) if text))
+
+
+def _in_control(actuator: Actuator) -> Actuator:
+    """Return an actuator whose control contains its direct parts, which MuJoCo does not have."""
+    if not any(actuator.direct):
+        return actuator
+
+    def control(time: Array) -> tuple[Array, Array, Array]:
+        value, rate = actuator.input(time)
+        return (actuator.gain[0] + actuator.direct[0]) * value + actuator.direct[1] * rate, rate, rate
+
+    plain = {"gain": (1.0, 0.0, 0.0), "direct": (0.0, 0.0), "control_range": NO_LIMIT}
+    return replace(actuator, control=control, **plain)
 
 
 def _solved(loaded: LoadedModel, profile: CrankProfile, samples: int | None, progress: Progress) -> Driven:
