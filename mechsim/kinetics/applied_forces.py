@@ -282,14 +282,17 @@ def motor_wrenches(model: DynamicModel, unit: UnitMotion, time: Array | None, sp
     for actuator in model.forces.under_drivers({*mechanism.drivers, *mechanism.locked}).actuators:
         if time is None and actuator.control is not no_control:
             raise InputError(f"motor {actuator.name} needs times, and only crank angles are known; give them")
-        inputs = actuator.input(np.zeros(len(unit)) if time is None else time)
+        none = np.zeros(len(unit))
+        inputs = actuator.input(none if time is None else time)
         ends = {name: (ratio, *mechanism.joint_with(name)) for name, ratio in actuator.gear.items()}
         if actuator.ends:
             length, rate = (actuator.pull * each for each in distance_and_rate(unit, actuator.ends))
         else:
-            length = sum(ratio * _coordinate(unit, joint, k, 0.0) for ratio, joint, k in ends.values())
-            rate = sum(ratio * joint_rates(unit, joint)[k] for ratio, joint, k in ends.values())
-        force = actuator.force(inputs, length, rate * speed, np.zeros(len(unit)))
+            length = sum(
+                (ratio * _coordinate(unit, joint, k, 0.0) for ratio, joint, k in ends.values()), none
+            )
+            rate = sum((ratio * joint_rates(unit, joint)[k] for ratio, joint, k in ends.values()), none)
+        force = actuator.force(inputs, length, rate * speed, none)
         if actuator.ends:
             add_tension(unit, out, actuator.ends, -actuator.pull * force)
         for ratio, joint, k in ends.values():
