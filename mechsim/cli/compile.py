@@ -7,6 +7,7 @@ from typing import Annotated, Any
 import typer
 
 from mechsim.cli.command import Result, Stated, Without, command, output_file, writable
+from mechsim.cli.exit_codes import print_stderr
 from mechsim.cli.load_options import InitialOptions, released_model
 from mechsim.cli.options import ModelOptions
 from mechsim.cli.output import print_text
@@ -17,13 +18,20 @@ from mechsim.codegen.fmu_dynamics import dynamic_fmu
 from mechsim.codegen.fmu_kinematics import kinematic_fmu
 from mechsim.codegen.printing import c_header, javascript
 from mechsim.codegen.self_test import c_test, javascript_test
-from mechsim.codegen.solver_code import solver_code
+from mechsim.codegen.solver_code import SolverCode, solver_code
 from mechsim.errors import InputError, several
 from mechsim.files import write_content
 from mechsim.kinetics.dynamic_run import Initial
 from mechsim.kinetics.gaps import released
 from mechsim.kinetics.model import DynamicModel
+from mechsim.mechanism.forces import forces_of
 from mechsim.units import option
+
+# forces of a prescribed motion that the torques of generated solvers leave out
+NOT_IN_TORQUES = (
+    *("friction", "springs", "joint_springs", "nonlinear_springs", "bushings", "loads", "couples"),
+    *("crank_torque", "flywheel", "armature"),
+)
 
 
 @command
@@ -76,8 +84,7 @@ def compile_solver(
         raise InputError(f"-o and --test both name {output!r}; give the test another name")
     if dynamics:
         return _dynamics(released_model(options), dict(initial.initial), path, test_path)
-    options.require_other_drivers()
-    code = solver_code(assembly(options.load()))
+    code = _solver(options)
     text = c_header(code) if in_c else javascript(code)
     write_content(path, text)
     if test_path is not None:
@@ -99,12 +106,25 @@ def compile_solver(
     return Result(data, lambda: typer.echo(use), files=(output, test))
 
 
+def _solver(options: ModelOptions) -> SolverCode:
+    """Return the solver of a model; a line on stderr names forces that its torques leave out."""
+    options.require_other_drivers()
+    code = solver_code(assembly(options.load()))
+    forces = forces_of(code.assembly.source)
+    without = [name.replace("_", " ") for name in NOT_IN_TORQUES if getattr(forces, name)]
+    if code.inertias is not None and without:
+        print_stderr(
+            f"mechsim: the torques of the solver are without {', '.join(without)} of the model; "
+            "`mechsim dynamics inverse` includes them"
+        )
+    return code
+
+
 def _fmu(options: ModelOptions, initial: InitialOptions | None, output: str, standard: Standard) -> Result:
     """Write an FMU: of a run from an initial state, or of the positions if that is None."""
     model: FmuModel
     if initial is None:
-        options.require_other_drivers()
-        model = kinematic_fmu(solver_code(assembly(options.load())))
+        model = kinematic_fmu(_solver(options))
     else:
         model = dynamic_fmu(released_model(options), dict(initial.initial))
     write_content(output, fmu_archive(model, standard))

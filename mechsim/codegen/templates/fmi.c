@@ -30,7 +30,7 @@ F(Reset)(Component i) { return reset_instance(i), GOOD; }
 F(GetFMUState)(Component i, FMI(FMUState) *state) { return save(i, state); }
 F(SetFMUState)(Component i, FMI(FMUState) state) { return restore(i, state); }
 F(FreeFMUState)(Component i, FMI(FMUState) *state) { return free(*state), *state = NULL, GOOD; }
-F(SerializedFMUStateSize)(Component i, FMI(FMUState) state, size_t *size) { return *size = sizeof(Snapshot), GOOD; }
+F(SerializedFMUStateSize)(Component i, FMI(FMUState) state, size_t *size) { return *size = KEPT, GOOD; }
 
 F(SerializeFMUState)(Component i, FMI(FMUState) state, FMI(Byte) bytes[], size_t size) {
     return copy_snapshot(i, bytes, state, size);
@@ -40,7 +40,7 @@ F(DeserializeFMUState)(Component i, const FMI(Byte) bytes[], size_t size, FMI(FM
     return read_snapshot(i, bytes, size, state);
 }
 
-F(SetTime)(Component i, double time) { return set_time(i, time), GOOD; }
+F(SetTime)(Component i, double time) { return set_time(i, time); }
 F(SetContinuousStates)(Component i, const double states[], size_t n) { return set_states(i, states, n); }
 F(GetContinuousStates)(Component i, double states[], size_t n) { return get_states(i, states, n, STATE); }
 

@@ -23,7 +23,7 @@ EXPORTED Component JOINED(PREFIX, fmi3InstantiateScheduledExecution)(
 
 F(EnterInitializationMode)(Component i, fmi3Boolean given, fmi3Float64 tolerance, fmi3Float64 from, fmi3Boolean ends,
                            fmi3Float64 end) {
-    return set_time(i, from), GOOD;
+    return set_time(i, from);
 }
 
 F(GetFloat64)(Component i, REFERENCES, fmi3Float64 values[], size_t size) {

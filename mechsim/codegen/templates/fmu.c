@@ -3,13 +3,16 @@
 
 typedef struct {
     Snapshot now;
+    /* whether parameters and start values may be set; whether outputs and derivatives belong to earlier values */
+    int starting, stale;
     Own own;
-    /* whether outputs and derivatives belong to earlier values; whether parameters and start values may be set */
-    int stale, starting;
     void *environment;
     Logger logger;
     char *name;
 } Instance;
+
+/* a kept state: what an instance begins with */
+#define KEPT offsetof(Instance, stale)
 
 static Status tell(Instance *instance, Status status, const char *text) {
     if (instance->logger) LOG(instance, status, text);
@@ -72,7 +75,7 @@ static Status set_values(Instance *instance, const Reference *references, size_t
             return tell(instance, BAD, "a value is set that is no input, parameter or start value");
         if (references[i] >= PARAMETER && !instance->starting)
             return tell(instance, BAD, "a parameter or start value is set after the initialization");
-        if (!(values[i] - values[i] == 0.0)) return tell(instance, BAD, "a value is set that is not finite");
+        if (!isfinite(values[i])) return tell(instance, BAD, "a value is set that is not finite");
         instance->now.value[references[i]] = values[i];
         instance->stale = 1;
     }
@@ -85,10 +88,15 @@ static Status finish_start(Instance *instance) {
     return ended(instance, error);
 }
 
-static void set_time(Instance *instance, double time) { instance->now.value[0] = time, instance->stale = 1; }
+static Status set_time(Instance *instance, double time) {
+    if (!isfinite(time)) return tell(instance, BAD, "the time is not finite");
+    return instance->now.value[0] = time, instance->stale = 1, GOOD;
+}
 
 static Status set_states(Instance *instance, const double *states, size_t count) {
     if (count != STATES) return tell(instance, BAD, "the number of states is wrong");
+    for (size_t i = 0; i < count; i++)
+        if (!isfinite(states[i])) return tell(instance, BAD, "a state is set that is not finite");
     memcpy(instance->now.value + STATE, states, count * sizeof(double));
     instance->stale = 1;
     return GOOD;
@@ -112,26 +120,26 @@ static Status step(Instance *instance, double from, double length) {
 }
 
 static Status save(Instance *instance, void **kept) {
-    if (!*kept) *kept = malloc(sizeof(Snapshot));
+    if (!*kept) *kept = malloc(KEPT);
     if (!*kept) return tell(instance, BAD, "there is not enough memory to keep a state");
-    memcpy(*kept, &instance->now, sizeof(Snapshot));
+    memcpy(*kept, instance, KEPT);
     return GOOD;
 }
 
 static Status restore(Instance *instance, const void *kept) {
-    memcpy(&instance->now, kept, sizeof(Snapshot));
+    memcpy(instance, kept, KEPT);
     instance->stale = 1;
     return GOOD;
 }
 
 static Status copy_snapshot(Instance *instance, void *to, const void *from, size_t size) {
-    if (size != sizeof(Snapshot)) return tell(instance, BAD, "the size of a kept state is wrong");
+    if (size != KEPT) return tell(instance, BAD, "the size of a kept state is wrong");
     memcpy(to, from, size);
     return GOOD;
 }
 
 static Status read_snapshot(Instance *instance, const void *bytes, size_t size, void **kept) {
-    if (!*kept) *kept = malloc(sizeof(Snapshot));
+    if (!*kept) *kept = malloc(KEPT);
     if (!*kept) return tell(instance, BAD, "there is not enough memory to keep a state");
     return copy_snapshot(instance, *kept, bytes, size);
 }

@@ -61,6 +61,7 @@ static const char *compute(Snapshot *now, Own *own) {
 static const char *begin(Snapshot *now, Own *own) { return compute(now, own); }
 
 static const char *advance(Snapshot *now, Own *own, double end) {
-    now->value[0] = end;
-    return compute(now, own);
+    const char *error = compute(now, own);
+    if (!error) now->value[0] = end;
+    return error;
 }
