@@ -86,7 +86,7 @@ def live_page(model: Any, solver: KinematicSolver, designs: DesignFamily, speed:
         "size": solver.mechanism.characteristic_length,
         "toml": toml,
     }
-    return LivePage("\n".join([*head, *lines, "}"]), data)
+    return LivePage("\n".join([*head, *lines, "}"]), data, designs.describe)
 
 
 def _matching(

@@ -331,12 +331,16 @@ class Canvas:
     """
 
     def __init__(
-        self, mechanism: Mechanism, travel: dict[str, tuple[float, float]], outward: dict[str, float]
+        self,
+        mechanism: Mechanism,
+        travel: dict[str, tuple[float, float]],
+        outward: dict[str, float],
+        radius: float | None = None,
     ):
         self.mechanism = mechanism
         self.travel = travel
         self.outward = outward
-        self.r = rod_radius(mechanism)
+        self.r = rod_radius(mechanism) if radius is None else radius
         self.colours = link_colours(mechanism)
         self.normals = planar_normals(mechanism)
         self.layers = layers_of(mechanism) if self.normals else {}

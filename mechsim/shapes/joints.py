@@ -191,6 +191,7 @@ def link_shapes(
     travel: Mapping[str, tuple[float, float]] | None = None,
     outward: Mapping[str, float] | None = None,
     forces: Forces | None = None,
+    radius: float | None = None,
 ) -> dict[str, list[Shape]]:
     """Return the shapes of every link, "ground" included.
 
@@ -201,11 +202,12 @@ def link_shapes(
         outward: joint -> direction along its axis from which its shaft extends to a bearing, +1 or -1; see
             `free_sides`. The default is the side that is free in the guess.
         forces: whose springs and bushings are drawn on the links.
+        radius: of rods in [m]; the default is that for the mechanism's size.
     """
     mechanism = with_rods(mechanism, {})[0]
     if outward is None:
         outward = free_sides(mechanism, {GROUND: GROUND_POSE, **mechanism.guess})
-    canvas = Canvas(mechanism, dict(travel or {}), dict(outward))
+    canvas = Canvas(mechanism, dict(travel or {}), dict(outward), radius)
     hidden = hidden_links(mechanism)
     links = [link for link in mechanism.links if link.name not in hidden]
     bodies, joined = [link.name for link in links], dict[str, list[Joint]]()

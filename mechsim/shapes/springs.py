@@ -9,8 +9,10 @@ from mechsim.mechanism.joint_kinds import KINDS
 from mechsim.mechanism.joints import Joint
 from mechsim.mechanism.mechanism import Mechanism
 
+SpringEnds = tuple[LinkPoint, LinkPoint, bool]
 
-def spring_ends(mechanism: Mechanism, forces: Forces | None) -> tuple[tuple[LinkPoint, LinkPoint, bool], ...]:
+
+def spring_ends(mechanism: Mechanism, forces: Forces | None) -> tuple[SpringEnds, ...]:
     """Return the ends of all springs between points and in slides, each as a link and a point in [m].
 
     The third entry is whether it is a damper alone, or a cylinder: an actuator between points. A spring in a
@@ -18,7 +20,7 @@ def spring_ends(mechanism: Mechanism, forces: Forces | None) -> tuple[tuple[Link
     of the second.
     """
     springs = () if forces is None else (*forces.springs, *forces.nonlinear_springs)
-    ends = list[tuple[LinkPoint, LinkPoint, bool]]()
+    ends = list[SpringEnds]()
     for spring in springs:
         pair = (spring.a, spring.b) if isinstance(spring, Spring) else spring.ends
         if not isinstance(pair, str):

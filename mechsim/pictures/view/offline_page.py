@@ -2,9 +2,10 @@
 
 import base64
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict
-from functools import cache
+from functools import cache, partial
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -19,12 +20,13 @@ from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.motion_plane import hinged_normals
 from mechsim.mechanism.moved_links import with_rods
 from mechsim.numerics.arrays import Array
+from mechsim.pictures.view.followers import Corners, followers
 from mechsim.pictures.view.pose_grid import PoseGrid, Readout, View, quaternions
 from mechsim.shapes import body
 from mechsim.shapes import camera as cameras
 from mechsim.shapes.joints import link_shapes
 from mechsim.shapes.shape import Shape
-from mechsim.shapes.springs import spring_ends
+from mechsim.shapes.springs import SpringEnds, spring_ends
 
 TEMPLATES = Path(__file__).parent / "templates"
 # number of poses from which the extent of a mechanism is determined
@@ -73,40 +75,55 @@ def _data(view: View) -> dict[str, Any]:
     mechanism = view.mechanism
     drawn = with_rods(mechanism, {})[0]
     poses = _some_poses(drawn, view.grids)
-    if view.bodies:
-        shapes = {link: list(view.bodies.get(link, ())) for link in poses}
-    else:
-        travel, sides = body.travels(mechanism, poses), body.free_sides(mechanism, poses)
-        shapes = link_shapes(mechanism, travel, sides, view.forces)
     radius, planar = body.rod_radius(mechanism), hinged_normals(mechanism) is not None
+    travel, sides = body.travels(mechanism, poses), body.free_sides(mechanism, poses)
+
+    def shapes_of(design: Mechanism) -> dict[str, list[Shape]]:
+        if view.bodies:
+            return {link: list(view.bodies.get(link, ())) for link in poses}
+        return link_shapes(design, travel, sides, view.forces, radius)
+
+    shapes = shapes_of(mechanism)
     balls, radii = body.extent((poses[link], shapes[link]) for link in shapes)
     up = cameras.upright(mechanism, view.up)
     normal = cameras.directions(mechanism, "iso", view.up, view.angles)[0] if planar else up
     floor = float((balls @ normal - radii).min())
-    if not (planar or view.bodies):
+    stands = not (planar or view.bodies)
+    if stands:
         floor -= 2.0 * radius
-        balls, radii = cameras.add_stands(shapes[GROUND], up, floor, radius, (balls, radii))
+    stand = partial(cameras.add_stands, up=up, floor=floor, radius=radius, balls=(balls, radii))
+    if stands:
+        balls, radii = stand(shapes[GROUND])
+
+    def corners(design: Mechanism) -> Iterator[Corners]:
+        own = shapes_of(design)
+        if stands:
+            stand(own[GROUND])
+        return _corners(own, spring_ends(design, view.forces))
+
     path = np.zeros((1, 3))
     if view.bodies or not shapes[GROUND]:
         path, (balls, radii) = body.followed(poses, shapes)
-    colours = body.point_colours(mechanism)
+    colours, bodies = body.point_colours(mechanism), _bodies(shapes)
+    springs = _springs(spring_ends(mechanism, view.forces))
+    if view.live and view.live.data["dimensions"]:
+        moved = chain(*bodies.values(), *(spring["ends"] for spring in springs))
+        for each, follower in zip(moved, followers(view.live, corners, radius), strict=True):
+            each["follow"] = follower
     return {
         "name": mechanism.name,
         "radius": radius,
-        "bodies": _bodies(shapes),
+        "bodies": bodies,
         "joints": _joints(mechanism),
         "points": [
             {"name": name, "link": link, "at": local, "colour": colours[name][:3]}
             for name, (link, local) in mechanism.points.items()
         ],
         "closures": [
-            {"link": mechanism.joint(name).a.link, "at": mechanism.joint(name).a.point}
+            {"joint": name, "link": mechanism.joint(name).a.link, "at": mechanism.joint(name).a.point}
             for name in view.closures
         ],
-        "springs": [
-            {"ends": [{"link": link, "at": point} for link, point in (a, b)], "damper": damper}
-            for a, b, damper in spring_ends(mechanism, view.forces)
-        ],
+        "springs": springs,
         "anchors": {link.name: drawn.ends(link.name)[0].point for link in drawn.links},
         "vertical": _short(up),
         "cameras": _cameras(view, balls, radii),
@@ -116,18 +133,22 @@ def _data(view: View) -> dict[str, Any]:
         "own_bodies": bool(view.bodies),
         **_at_rest(view.grids),
         "grids": [_grid(grid) for grid in view.grids],
-        "live": {**view.live.data, "edges": _edges(mechanism)} if view.live else None,
+        "live": view.live.data if view.live else None,
     }
 
 
-def _edges(mechanism: Mechanism) -> dict[str, Any]:
-    """Return link -> which of its points are connected in the picture, and how many points it has."""
-    points = {link.name: body.stations(mechanism, link.name) for link in mechanism.links}
-    index = {id(point): i for own in points.values() for i, point in enumerate(own)}
-    return {
-        link: {"count": len(own), "pairs": [(index[id(a)], index[id(b)]) for a, b in body.edges(own)]}
-        for link, own in points.items()
-    }
+def _corners(shapes: Mapping[str, Sequence[Shape]], springs: Iterable[SpringEnds]) -> Iterator[Corners]:
+    for link, shape in ((link, shape) for link, own in shapes.items() for shape in own):
+        yield link, (shape.frm, shape.to) if shape.facets is None else shape.facets.vertices, shape.sizes
+    for a, b, _ in springs:
+        yield from ((link, point, ()) for link, point in (a, b))
+
+
+def _springs(ends: Iterable[SpringEnds]) -> list[dict[str, Any]]:
+    return [
+        {"ends": [{"link": link, "at": point} for link, point in (a, b)], "damper": damper}
+        for a, b, damper in ends
+    ]
 
 
 def _some_poses(mechanism: Mechanism, grids: Sequence[PoseGrid]) -> dict[str, Pose]:

@@ -1,6 +1,6 @@
 """Records of an interactive page: sliders, poses, read-outs."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -129,10 +129,12 @@ class LivePage:
     Attributes:
         code: JavaScript that defines `live_solver` and `live_geometry`.
         data: plain data for `live.js`.
+        describe: returns the mechanism for changed dimensions, name -> value in SI.
     """
 
     code: str
     data: Mapping[str, Any]
+    describe: Callable[[Mapping[str, float]], Mechanism]
 
 
 @dataclass(frozen=True, slots=True)

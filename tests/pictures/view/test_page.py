@@ -183,7 +183,7 @@ def test_the_message_without_webgl_persists(window, tmp_path):
     # the crank is drawn from its pivot to A, as in three dimensions
     window.run("setSlider(0, 0.0)")
     colour, a, pivot = window.run(
-        "[`#${materialOf('crank').color.getHexString()}`, "
+        "[`#${solids.crank.children[0].children[0].material.color.getHexString()}`, "
         "pixel(pointMarks[0].getWorldPosition(new THREE.Vector3())), pixel(new THREE.Vector3())]"
     )
     widths = window.run(

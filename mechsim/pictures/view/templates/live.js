@@ -79,6 +79,7 @@ class LiveMechanism {
     this.inertias = solver.INERTIAS ? Float64Array.from(solver.INERTIAS) : null;
     this.records = { links: solver.links.map(() => solver.link()), points: solver.points.map(() => solver.point()), joints: (solver.joints || []).map(() => solver.joint()) };
     this.setDimensions(this.original);
+    this.first_placed = this.placed();
     solver.start(this.state);
     const start = Array.from(this.state.drivers);
     solver.solve(this.state, start, this.rates, this.none);
@@ -144,24 +145,19 @@ class LiveMechanism {
   /* points of a link besides its joints: its outline and its tracked points */
   morePoints(link) { return [...(this.outlines[link] || []), ...this.points.filter((point) => point.link === link).map((point) => this.local(point))]; }
 
-  /* pairs of points between which a link is drawn: those of its picture, else the shortest rods */
-  sides(link) {
-    const points = this.pointsOf(link, this.morePoints(link)), { count, pairs } = this.edges[link];
-    if (points.length === 1) return [[points[0], points[0]]];
-    return points.length === count ? pairs.map(([i, j]) => [points[i], points[j]]) : joined(points);
-  }
-
   local(point) { return point.index < 0 ? point.at : Array.from(this.code.GEOMETRY.slice(point.index, point.index + 3)); }
 
-  /* positions of joints and points in their links for the dimensions of a solution, for the picture */
+  /* positions of both sides of joints, and of points */
+  placed() { return [...this.joints.flatMap((joint) => [this.point(joint.a), this.point(joint.b)]), ...this.points.map((point) => this.local(point))]; }
+
+  /* changes of dimensions, joints and points in their links for a solution, for the picture */
   shapeAt(solution) {
     this.setDimensions(this.sized(solution.values));
     if (this.shape) return this.shape;
-    const rods = Object.fromEntries(this.links.map((link) => [link, this.sides(link)]));
-    rods.ground = this.endsOf("ground").map((end) => [this.point(end), this.point(end)]);
     this.shape = {
-      original: this.dimensionValues.every((value, i) => value === this.original[i]), rods,
+      changes: this.sized(solution.values).map((value, i) => (value - this.original[i]) / (this.dimensions[i].nodes[1] - this.dimensions[i].nodes[0])), shifts: this.placed().map((at, i) => minus(at, this.first_placed[i])),
       joints: Object.fromEntries(this.joints.map((joint) => [joint.name, this.point(joint.a)])),
+      axes: Object.fromEntries(this.joints.map((joint) => [joint.name, this.axis(joint.a)])),
       points: Object.fromEntries(this.points.map((point) => [point.name, this.local(point)])),
     };
     return this.shape;

@@ -115,7 +115,7 @@ function text(value, unit) {
 
 // colours reach the screen as the page states them
 THREE.ColorManagement.enabled = false;
-const stage = $("stage"), scene = new THREE.Scene(), bodies = {}, solids = {}, rods = {}, ghosts = {}, pointMarks = [], axisLines = [], pathLines = [], formerLines = [], springLines = [];
+const stage = $("stage"), scene = new THREE.Scene(), bodies = {}, solids = {}, ghosts = {}, pointMarks = [], closureMarks = [], axisLines = [], pathLines = [], formerLines = [], springLines = [];
 let renderer = null, camera = null, controls = null, lamp = null;
 const steels = [];
 
@@ -174,10 +174,11 @@ function build() {
     if (link in DATA.anchors) { scene.add(ghosts[link] = solidsOf(shapes, glass)); ghosts[link].visible = false; }
   }
   for (const joint of DATA.joints) if (joint.axis) {
-    const at = new THREE.Vector3(...joint.at), along = new THREE.Vector3(...joint.axis).multiplyScalar(9 * DATA.radius);
-    const made = new THREE.BufferGeometry().setFromPoints([at.clone().sub(along), at.clone().add(along)]);
-    const line = new THREE.Line(made, new THREE.LineDashedMaterial({ color: 0xc02060, dashSize: 1.4 * DATA.radius, gapSize: 0.6 * DATA.radius, depthTest: false }));
+    const along = new THREE.Vector3(...joint.axis).multiplyScalar(9 * DATA.radius);
+    const made = new THREE.BufferGeometry().setFromPoints([along.clone().negate(), along]);
+    const line = joint.line = new THREE.Line(made, new THREE.LineDashedMaterial({ color: 0xc02060, dashSize: 1.4 * DATA.radius, gapSize: 0.6 * DATA.radius, depthTest: false }));
     line.computeLineDistances();
+    line.position.fromArray(joint.at);
     line.renderOrder = 4;
     bodies[joint.link].add(line);
     axisLines.push(line);
@@ -206,6 +207,7 @@ function build() {
     mark.position.fromArray(closure.at);
     mark.renderOrder = 3;
     bodies[closure.link].add(mark);
+    closureMarks.push(mark);
   }
   for (const { ends, damper } of DATA.springs) for (const shape of damper ? [rod, cylinder] : [coil]) {
     const line = new THREE.Line2(new THREE.LineGeometry(), new THREE.LineMaterial({ color: 0x707682, linewidth: 3 }));
@@ -222,7 +224,7 @@ const rod = [[0, 0, 0], [0.45, 0, 0], [0.45, 1.6, 0], [0.45, -1.6, 0]];
 const cylinder = [[1, 0, 0], [0.7, 0, 0], [0.7, 2, 0], [0.3, 2, 0], [0.7, 2, 0], [0.7, -2, 0], [0.3, -2, 0]];
 function drawSprings() {
   for (const { line, ends, shape } of springLines) {
-    const [a, b] = ends.map((end) => new THREE.Vector3(...end.at).applyMatrix4(bodies[end.link].matrixWorld));
+    const [a, b] = ends.map((end) => corner(end.at, moved(end.follow), 0).applyMatrix4(bodies[end.link].matrixWorld));
     const along = b.clone().sub(a), side = new THREE.Vector3(0, 0, 1).cross(along);
     if (side.lengthSq() < 1e-12 * along.lengthSq()) side.set(1, 0, 0);
     side.setLength(DATA.radius);
@@ -261,53 +263,53 @@ function addFloor() {
 
 const castShadow = (group) => group.traverse((part) => { part.castShadow = !!part.isMesh; });
 
-/* Moves joints and points to their positions for given dimensions, and draws links as rods between them. null, or the
-   dimensions of the file, shows the links as they were drawn. */
+/* Moves joints, points and the corners of solids to their positions for given dimensions; null shows the links as they
+   were drawn. */
 let shapeShown = null;
 function showDimensions(shape) {
-  if (shape === shapeShown || (!shape && !shapeShown)) return;
+  if (shape === shapeShown) return;
   shapeShown = shape;
-  const changed = !!shape && !shape.original;
-  for (const [k, [link, group]] of Object.entries(solids).entries()) {
-    group.visible = !changed || DATA.own_bodies;
-    if (rods[link]) { bodies[link].remove(rods[link]); rods[link].traverse((part) => part.geometry && part.geometry.dispose()); }
-    rods[link] = null;
-    if (changed && !DATA.own_bodies) { bodies[link].add(rods[link] = rodsOf(shape.rods[link] || [], link, k)); castShadow(rods[link]); }
-  }
+  for (const [link, group] of Object.entries(solids)) group.children.forEach((holder, i) => { if (DATA.bodies[link][i].follow) reshape(holder, DATA.bodies[link][i]); });
   DATA.points.forEach((point, i) => {
     point.at = shape ? shape.points[point.name] : point.original;
     pointMarks[i].position.fromArray(point.at);
   });
-  for (const joint of DATA.joints) joint.at = shape && shape.joints[joint.name] ? shape.joints[joint.name] : joint.original;
+  for (const joint of DATA.joints) {
+    joint.at = shape && shape.joints[joint.name] ? shape.joints[joint.name] : joint.original;
+    if (!joint.line) continue;
+    joint.line.position.fromArray(joint.at);
+    if (shape && shape.axes[joint.name]) joint.line.quaternion.setFromUnitVectors(new THREE.Vector3(...joint.axis), new THREE.Vector3(...shape.axes[joint.name]));
+  }
+  DATA.closures.forEach((closure, i) => closureMarks[i].position.fromArray(DATA.joints.find((joint) => joint.name === closure.joint).at));
   pathsOf = "";
 }
 
-function materialOf(link) {
-  let found = null;
-  solids[link].traverse((part) => { if (part.material && !found) found = part.material; });
-  return found || new THREE.MeshStandardMaterial({ color: 0x808080 });
+/* displacements of the corners of what is drawn, three numbers each, and changes of its sizes after these */
+function moved(follow) {
+  const out = follow && shapeShown ? follow.at.flatMap((k) => shapeShown.shifts[k] || [0, 0, 0]) : [];
+  if (out.length) for (const [k, first, second] of follow.rates) first.forEach((by, i) => { out[i] = (out[i] || 0) + shapeShown.changes[k] * (by + shapeShown.changes[k] * second[i]); });
+  return out;
 }
 
-/* rods as wide as the bars and the eyes of a picture; no two links have the same, where one would show through the other */
-function rodsOf(pairs, link, k) {
-  const group = new THREE.Group(), radius = DATA.radius * (1 - 0.02 * (k % 8)), material = materialOf(link);
-  const flat = DATA.cameras[0].name === "straight on", frame = link === "ground", eye = radius * (!frame ? 1.9 : flat ? 2.4 : 1.2), bar = radius * (flat ? 1.15 : 1);
-  for (const [a, b] of pairs) {
-    const from = new THREE.Vector3(...a), to = new THREE.Vector3(...b), along = to.clone().sub(from), length = along.length();
-    for (const end of [from, to]) {
-      const ball = new THREE.Mesh(new THREE.SphereGeometry(eye, 20, 14), material);
-      ball.position.copy(end);
-      // a pivot of the frame is a ring around the eye before it
-      if (frame && flat) ball.position.addScaledVector(new THREE.Vector3(...DATA.floor.normal), -2.2 * radius);
-      group.add(ball);
-    }
-    if (!(length > 0)) continue;
-    const rod = new THREE.Mesh(new THREE.CylinderGeometry(bar, bar, length, 24), material);
-    rod.position.copy(from).addScaledVector(along, 0.5);
-    rod.quaternion.setFromUnitVectors(new THREE.Vector3(0, 1, 0), along.normalize());
-    group.add(rod);
+/* corner i of what is drawn */
+const corner = (at, by, i) => new THREE.Vector3(...at).add(new THREE.Vector3(...(by.length ? by.slice(3 * i, 3 * i + 3) : [0, 0, 0])));
+
+function reshape(holder, { kind, at, turn, half, vertices, follow }) {
+  const by = moved(follow), [made, ...caps] = holder.children;
+  if (kind === "facets") {
+    const { geometry } = made;
+    geometry.attributes.position.array.set(floats(vertices).map((value, i) => value + (by[i] || 0)));
+    geometry.attributes.position.needsUpdate = true;
+    geometry.computeBoundingSphere();
+    return;
   }
-  return group;
+  const long = kind === "sphere" ? 0 : half.at(-1), old = new THREE.Quaternion(turn[1], turn[2], turn[3], turn[0]), along = new THREE.Vector3(0, 0, 1).applyQuaternion(old);
+  const [a, b] = [-1, 1].map((end, i) => corner(along.clone().multiplyScalar(end * long).add(new THREE.Vector3(...at)), by, i)), now = b.clone().sub(a), length = now.length() / 2;
+  const [wide, thick] = [0, 1].map((i) => 1 + (by[6 + i] || 0) / half[i]);
+  holder.position.copy(a).add(b).divideScalar(2);
+  if (length > 0 && long) holder.quaternion.setFromUnitVectors(along, now.normalize()).multiply(old);
+  made.scale.set(wide, kind === "box" ? thick : wide, long ? length / long : wide);
+  caps.forEach((cap, i) => { cap.position.z = (2 * i - 1) * length; cap.scale.setScalar(wide); });
 }
 
 function framing(width, height) {
