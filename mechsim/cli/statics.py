@@ -274,6 +274,9 @@ def modes(
         title = f"{name}: modes about the {state} equilibrium at {_position(model.mechanism, equilibrium)}"
         if equilibrium.singular:
             print_text(f"{title}: none, since it can move there in more ways than next to it")
+        elif not rows:
+            stops = f"stops of {', '.join(equilibrium.stops)} hold it" if equilibrium.stops else "it is rigid"
+            print_text(f"{title}: none, since {stops}")
         print_table(title, ("frequency [Hz]", "damping ratio", "s [1/s]", "shape"), rows)
 
     return _with_masses(model, Result(_equilibrium_facts(equilibrium), text, equilibrium.stable is True))

@@ -36,6 +36,8 @@ SAFETY = 4.0
 SAME_FORCE = 1e-9
 # most iterations of Newton's method between two points
 ITERATIONS = 100
+# limits of all coordinates of a curve without limits
+NO_LIMITS = np.array([[-np.inf], [np.inf]])
 
 
 @dataclass(frozen=True)
@@ -109,13 +111,18 @@ def _breadth(equations: EquationsOfMotion) -> float:
     return float(np.sqrt(max(len(equations.free), FEW) / FEW))
 
 
-def curve_through(equations: EquationsOfMotion, q: Coordinates) -> EquilibriumCurve:
-    """Return the curve of assemblies through a configuration, in both directions unless it is closed."""
+def curve_through(
+    equations: EquationsOfMotion, q: Coordinates, limits: Array = NO_LIMITS
+) -> EquilibriumCurve:
+    """Return the curve of assemblies through a configuration, in both directions unless it is closed.
+
+    It ends in the first interval that crosses one of the limits (2, count) of all coordinates.
+    """
     first = independent_rates(equations, q)[:, 0]
-    nodes, tangents, lengths, closed = _one_way(equations, q, first)
+    nodes, tangents, lengths, closed = _one_way(equations, q, first, limits)
     forward = None if closed else len(lengths)
     if not closed:
-        backward = _one_way(equations, q, -first)[:3]
+        backward = _one_way(equations, q, -first, limits)[:3]
         nodes, tangents, lengths = nodes + backward[0], tangents + backward[1], lengths + backward[2]
     return EquilibriumCurve(
         equations, joined_configurations(nodes), np.array(tangents), np.array(lengths), forward
@@ -123,18 +130,19 @@ def curve_through(equations: EquationsOfMotion, q: Coordinates) -> EquilibriumCu
 
 
 def _one_way(
-    equations: EquationsOfMotion, start: Coordinates, tangent: Array
+    equations: EquationsOfMotion, start: Coordinates, tangent: Array, limits: Array
 ) -> tuple[list[Coordinates], list[Array], list[float], bool]:
     """Return nodes, tangents and interval lengths in one direction, and whether the curve returned."""
     nodes, tangents, lengths = [start], [tangent], list[float]()
     breadth = _breadth(equations)
     longest = step = STEP * breadth
+    low, high = limits
     while sum(lengths) < MAX_LENGTH * breadth and step >= SHORTEST_STEP:
         q, along = nodes[-1], tangents[-1]
         to_start = difference(equations, q, start)
         ahead, distance = float(along @ to_start), float(np.linalg.norm(to_start))
         returned = 0.9 * distance < ahead <= 1.5 * step and along @ tangents[0] > 0.0
-        if len(lengths) > 1 and returned and not _forces_differ(equations, start, q, tangent):
+        if len(lengths) > 1 and returned and not _forces_differ(equations, start, q, tangent, limits):
             return nodes, tangents, [*lengths, ahead], True
         moved, closed = displaced_states(equations, q, along[:, None], np.array([[step]]))
         change = difference(equations, q, moved.q) - step * along
@@ -144,15 +152,20 @@ def _one_way(
             continue
         nodes, tangents, lengths = [*nodes, moved.q], [*tangents, new[0]], [*lengths, step]
         step = min(longest, 2.0 * step)
+        if ((moved.q.values[:, 0] < low) | (moved.q.values[:, 0] > high)).any():
+            break
     return nodes[:-1], tangents[:-1], lengths, False
 
 
-def _forces_differ(equations: EquationsOfMotion, start: Coordinates, q: Coordinates, tangent: Array) -> bool:
+def _forces_differ(
+    equations: EquationsOfMotion, start: Coordinates, q: Coordinates, tangent: Array, limits: Array
+) -> bool:
     """Whether springs, stops or servos distinguish a configuration from itself after revolutions."""
     units = equations.loops.units[:, None]
     revolutions = REVOLUTION * units * np.round((q.values - start.values) / (REVOLUTION * units))
     # a stop distinguishes angles that differ by revolutions
-    if np.abs(revolutions)[[*equations.sprung.values()]].any():
+    limited = np.isfinite(limits).any(0) & revolutions.any(1)
+    if limited.any() or revolutions[[*equations.sprung.values()]].any():
         return True
     return not equal_forces(equations, start, start.values + revolutions, tangent[:, None])
 

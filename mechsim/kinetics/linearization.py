@@ -8,7 +8,7 @@ Source: K. Ogata, Modern Control Engineering (2010), chapter 9 (state space); E.
 Chetaev theorem and extensions, Journal of the Astronautical Sciences 11 (1964) 46-49 (stability).
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -96,6 +96,18 @@ class LinearModel:
         dof = len(self.mass)
         lower = -np.linalg.solve(self.mass, np.concatenate([self.stiffness, self.damping], 1))
         return np.asarray(np.concatenate([np.eye(dof, 2 * dof, dof), lower]), np.float64)
+
+    def without(self, names: Iterable[str]) -> "LinearModel":
+        """The linear model in which some coordinates rest, as on stops."""
+        index_of = self.equations.loops.tree.index_of
+        rows = self.basis[np.isin(self.equations.free, [index_of[name] for name in names])]
+        (dof,), (right,) = directions_within(rows[None])
+        along = right[len(right) - dof :].T
+        mass, damping, stiffness = (
+            along.T @ each @ along for each in (self.mass, self.damping, self.stiffness)
+        )
+        error = np.abs(along.T) @ self.stiffness_error @ np.abs(along)
+        return LinearModel(self.equations, self.q, self.basis @ along, mass, damping, stiffness, error)
 
     @cached_property
     def conservative(self) -> bool:

@@ -13,7 +13,13 @@ from numpy.typing import ArrayLike, NDArray
 from mechsim.errors import AssemblyError, FrictionError, InputError
 from mechsim.kinematics.loops.kinematics import Coordinates
 from mechsim.kinetics.contacts import CLOSED_GAP
-from mechsim.kinetics.curve_equilibria import EquilibriumCurve, curve_through, equal_forces, equilibria_on
+from mechsim.kinetics.curve_equilibria import (
+    NO_LIMITS,
+    EquilibriumCurve,
+    curve_through,
+    equal_forces,
+    equilibria_on,
+)
 from mechsim.kinetics.dynamic_run import Initial, initial_values, require_regular
 from mechsim.kinetics.equations_of_motion import EquationsOfMotion, equations_of_motion
 from mechsim.kinetics.equilibrium_search import RestingState, all_at_rest, distinct, newton_equilibria, same
@@ -86,7 +92,7 @@ class Equilibrium:
         singular: whether the mechanism has more degrees of freedom there than next to it: small motions about
             it are not linear, and it is neither stable nor unstable by its linear model.
         stops: coordinate at a limit -> force of its stop on it, in [N m] or [N], which is part of the linear
-            model; empty for an equilibrium without a stop.
+            model; empty for an equilibrium without a stop. Modes leave these coordinates at rest.
         open: contacts that have lifted off, and slack ropes.
     """
 
@@ -308,9 +314,7 @@ def _at_several_stops(
                 for name, force in stops.items()
             ):
                 stable = not moving or _described(at_limits, state).stable
-                balanced = replace(equations, model=model.with_forces(with_stops(model.forces, stops)))
-                at_stop = _described(balanced, state)
-                yield replace(at_stop, q={**at_stop.q, **limits}, stable=stable, modes=(), stops=stops)
+                yield _at_rest_on(equations, state, stops, limits, stable)
 
 
 def _holding_forces(equations: EquationsOfMotion, q: Coordinates, names: Sequence[str]) -> dict[str, float]:
@@ -326,18 +330,23 @@ def _at_stops(
     model: DynamicModel, equations: EquationsOfMotion, start: Coordinates, ranges: Ranges
 ) -> Iterator[Equilibrium]:
     """Yield the equilibria on the curve of assemblies through a start at limits whose stop presses."""
-    curve, tree = curve_through(equations, start), equations.loops.tree
+    tree, limits = equations.loops.tree, _limits_next_to(equations, start, ranges)
+    curve = curve_through(equations, start, limits)
     intervals = np.arange(len(curve.lengths))
     ends = curve.configurations(intervals, curve.lengths)
-    sides = [(name, *end) for name, limits in ranges.items() for end in zip(limits, (-1.0, 1.0), strict=True)]
+    sides = [(name, *end) for name, own in ranges.items() for end in zip(own, (-1.0, 1.0), strict=True)]
     for name, limit, side in sides:
         index = tree.index_of.get(name)
         if index is None or not abs(limit) < np.inf:
             continue
+        edge = float(limits[int(side > 0.0), index])
+        target, counted = (edge, True) if abs(edge) < np.inf else (limit, bool(tree.slides[index]))
 
-        def beyond(q: Coordinates, index: int = index, limit: float = limit) -> Array:
-            away = q.values[index] - limit
-            return away if tree.slides[index] else wrapped(away)
+        def beyond(
+            q: Coordinates, index: int = index, target: float = target, counted: bool = counted
+        ) -> Array:
+            away = q.values[index] - target
+            return away if counted else wrapped(away)
 
         first, last = beyond(curve.q), beyond(ends)
         # an angle jumps by a revolution opposite the limit
@@ -350,21 +359,42 @@ def _at_stops(
             )
             q = curve.configurations(interval, np.array([length]))
             stops = _holding_forces(equations, q, [name])
-            if stops[name] * side < 0.0 and _same_revolution(curve, index, q, limit, ranges[name]):
-                balanced = replace(equations, model=model.with_forces(with_stops(model.forces, stops)))
-                at_stop = _described(balanced, RestingState(q, True, 0, False))
-                yield replace(at_stop, q={**at_stop.q, name: limit}, stable=True, modes=(), stops=stops)
+            if stops[name] * side < 0.0:
+                yield _at_rest_on(equations, RestingState(q, True, 0, False), stops, {name: limit}, True)
 
 
-def _same_revolution(
-    curve: EquilibriumCurve, index: int, q: Coordinates, limit: float, limits: tuple[float, float]
-) -> bool:
-    """Whether a limit on a curve is that of the revolution in which the curve starts between the limits."""
-    low, high = limits
-    start, value = (float(each.values[index, 0]) for each in (curve.q, q))
-    within = start if low <= start <= high else low + (start - low) % REVOLUTION
-    closed = curve.forward is None or curve.equations.loops.tree.slides[index]
-    return bool(closed or within > high or abs(value + within - start - limit) <= CLOSED_GAP)
+def _at_rest_on(
+    equations: EquationsOfMotion,
+    state: RestingState,
+    stops: Mapping[str, float],
+    limits: Mapping[str, float],
+    stable: bool | None,
+) -> Equilibrium:
+    """Return an equilibrium with the forces of stops, and the limits of their coordinates."""
+    model = equations.model
+    balanced = replace(equations, model=model.with_forces(with_stops(model.forces, stops)))
+    at_stop = _described(balanced, state)
+    modes = () if state.singular else at_stop.linear.without(stops).modes
+    return replace(at_stop, q={**at_stop.q, **limits}, stable=stable, modes=modes, stops=stops)
+
+
+def _limits_next_to(equations: EquationsOfMotion, q: Coordinates, ranges: Ranges) -> Array:
+    """Return the limits of all coordinates in the revolutions of a configuration, (2, count).
+
+    A coordinate that is beyond its limits in each revolution has none.
+    """
+    tree = equations.loops.tree
+    limits = np.tile(NO_LIMITS, tree.count)
+    for name, (low, high) in ranges.items():
+        index = tree.index_of.get(name)
+        if index is None:
+            continue
+        value, slack = float(q.values[index, 0]), CLOSED_GAP * float(equations.loops.units[index])
+        away = np.clip(value, low - slack, high + slack) - value
+        whole = 0.0 if tree.slides[index] else REVOLUTION * np.sign(away) * np.ceil(abs(away) / REVOLUTION)
+        if low - slack <= value + whole <= high + slack:
+            limits[:, index] = low - whole, high - whole
+    return limits
 
 
 def with_stops(forces: Forces, stops: Mapping[str, float]) -> Forces:
@@ -406,7 +436,8 @@ def _on_curves(
     for q, reached in starting:
         if any(curve.contains(q) for curve in curves) or independent_rates(equations, q).shape[1] != 1:
             continue
-        curves.append(curve_through(equations, q))
+        limits = _limits_next_to(equations, q, getattr(equations.model.solver, "ranges", {}))
+        curves.append(curve_through(equations, q, limits))
         on_curve = equilibria_on(curves[-1])
         count = 0 if on_curve is None else len(on_curve)
         solutions += [(on_curve.select(np.array([k])), reached) for k in range(count) if on_curve is not None]
@@ -446,20 +477,23 @@ def nearest_equilibrium(
 ) -> Equilibrium:
     """Return the equilibrium that Newton's method reaches from the initial configuration.
 
-    If it reaches none, or one where a contact or rope has the wrong sign, or another one that is unstable,
-    and `initial` is empty, return the stable equilibrium of least potential energy that `equilibria` finds.
+    If it reaches one beyond limits, or, where `initial` is empty, none, one where a contact or rope has the
+    wrong sign, or another one that is unstable, return the stable one of least potential energy that
+    `equilibria` finds.
 
     Raises:
         AssemblyError: if there is no such equilibrium.
     """
     equations, q = prepared_equations(source, forces, initial or {})
-    (solution,) = newton_equilibria(equations, q)
+    (solution,), within = newton_equilibria(equations, q), True
     if solution is not None:
         nearest = _described(equations, distinct(equations, [(solution, True)])[0])
         requested = initial or nearest.stable is not False or same(equations, q, solution)
-        if requested and _pushes(nearest):
+        within = not _beyond(equations.model, nearest.q, getattr(equations.model.solver, "ranges", {}))
+        if requested and within and _pushes(nearest):
             return nearest
-    stable = [each for each in equilibria(source, forces) if each.stable] if not initial else []
+    searched = () if initial and within else equilibria(source, forces, initial=initial)
+    stable = [each for each in searched if each.stable]
     if not stable:
         raise AssemblyError(
             f"{equations.model.mechanism.name}: no equilibrium is found from the initial configuration; "
@@ -497,14 +531,15 @@ def response(
         InputError: for an unknown name.
         AssemblyError: if there is no equilibrium.
     """
-    linear = nearest_equilibrium(source, forces, initial=initial).linear
-    return response_about(linear, load, output, frequencies)
+    nearest = nearest_equilibrium(source, forces, initial=initial)
+    return response_about(nearest, load, output, frequencies)
 
 
 def response_about(
-    linear: LinearModel, load: str, output: str, frequencies: ArrayLike
+    nearest: Equilibrium, load: str, output: str, frequencies: ArrayLike
 ) -> NDArray[np.complex128]:
     """Return the frequency response about an equilibrium as `response`, (n,)."""
+    linear = nearest.linear.without(nearest.stops)
     equations = linear.equations
     mechanism = equations.model.mechanism
     displacement = load_displacement(load, mechanism)

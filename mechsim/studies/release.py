@@ -179,7 +179,7 @@ def frequency_response(
     frequency = np.geomspace(
         MIN_FREQUENCY_RATIO * min(natural), MAX_FREQUENCY_RATIO * max(natural), FREQUENCIES
     )
-    values = response_about(nearest.linear, load, output, frequency)
+    values = response_about(nearest, load, output, frequency)
     load_unit, unit = (numeric_quantity(name, model.mechanism).unit for name in (load, output))
     effort = "N" if load_unit == "m" else "(N m)"
     return FrequencyResponse(load, output, f"{unit}/{effort}", frequency, values)

@@ -171,7 +171,8 @@ def _strokes(scene: Inspected) -> Iterator[Finding]:
     model = scene.model
     for j in np.flatnonzero(model.jnt_limited & (model.jnt_type == SLIDE)).tolist():
         low, high = (float(end) for end in model.jnt_range[j])
-        by, name = max(abs(low), abs(high)), str(model.joint(j).name)
+        by = max(abs(end) for end in (low, high, 0.0) if abs(end) < UNLIMITED)
+        name = str(model.joint(j).name)
         if by > MAX_STROKE * scene.length and _in_loop(scene, j):
             message = (
                 f"{name} of a loop has the range {low:g} to {high:g} m in a mechanism of "
