@@ -172,6 +172,8 @@ def _forces_differ(
 
 def equal_forces(equations: EquationsOfMotion, q: Coordinates, values: Array, basis: Array) -> bool:
     """Whether forces along a basis of rates (free, dof) are equal at values (count, 1) after revolutions."""
+    if not basis.size:
+        return True
     first, second = (reduced_forces(equations, each, basis[None]) for each in (q, replace(q, values=values)))
     change = np.abs(second.force - first.force).max(initial=0.0)
     return bool(change <= SAME_FORCE * np.abs(first.stiffness).max(initial=0.0) + first.rounding.max())

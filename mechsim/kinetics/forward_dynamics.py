@@ -104,7 +104,7 @@ BUDGET = 500_000
 # states after which a run ends if at its pace it needs more than `HOPELESS` budgets: four seconds with few
 # links, and more than a hundred impacts
 EARLY, HOPELESS = 20_000, 20.0
-# number of rows of a load table above which a run that spends its budget names it
+# number of rows of load tables above which a run that spends its budget names it
 MANY_ROWS = 1_000
 # smallest number of steps of a run under forces over time: their 24 nodes resolve forces that last 1/300 of
 # the run
@@ -558,9 +558,9 @@ class Integration:
             remedy = f"weaker forces, since {self.duration:g} s at this pace need {needed:.1g} states"
         states = min(evaluated, self.budget)
         tables = [profile.value for profile in self.equations.model.forces.load_profiles]
-        rows = max((len(each.spline.c) for each in tables if isinstance(each, Interpolated)), default=0)
+        rows = sum(len(each.spline.c) for each in tables if isinstance(each, Interpolated))
         if rows > MANY_ROWS:
-            remedy += f", or fewer than the {rows:,} rows of a load table, each of which ends a step"
+            remedy += f", or fewer than the {rows:,} rows of load tables, each of which ends a step"
         events = several(len(self.events), "impact or change", "impacts and changes")
         return "work budget spent", (
             f"{self.steps:,} steps with {events} of friction evaluate "

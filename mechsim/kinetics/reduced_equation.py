@@ -121,16 +121,19 @@ def kinetic_energy_of_links(unit: UnitMotion, speed: Array, flywheel: float = 0.
 MIN_FLUCTUATION = 1e-9
 # crank angles per revolution; far fewer resolve smooth coefficients to rounding
 ANGLES = 1024
+# most periods of the mechanism after which its torque may repeat, as two revolutions of a four-stroke engine;
+# and relative change of the torque that is rounding
+MOST_PERIODS, SAME_TORQUE = 4, 1e-9
 
 
 def fluctuation(model: DynamicModel, mean: float | str) -> Fluctuation:
-    """Return the crank's speed fluctuation over a revolution at a mean speed in [rad/s], or as "600rpm".
+    """Return the crank's speed fluctuation over a period at a mean speed in [rad/s], or as "600rpm".
 
-    J w2 / 2 = K + integral of (T + Q). The constant torque T balances the work of a revolution, and K gives
+    J w2 / 2 = K + integral of (T + Q). The constant torque T balances the work of a period, and K gives
     the mean speed. Viscous friction and loads over time are evaluated at the mean speed.
 
     Raises:
-        InputError: for a mean speed of zero.
+        InputError: for a mean speed of zero, and a torque that does not repeat.
         AssemblyError: if the crank cannot rotate fully.
     """
     mean = si(mean, "rad/s", "mean crank speed")
@@ -170,19 +173,30 @@ def flywheel_for(model: DynamicModel, mean: float | str, coefficient: float) -> 
 def _revolution(model: DynamicModel, mean: float) -> tuple[Array, Array, Array, float]:
     """Return angles, inertia, energy gained since the first angle, and the constant torque."""
     require_constant_friction(model, "the reduced equation")
-    # a mechanism that passes a change point may have a period of two revolutions
-    turns = round(model.solver.period / REVOLUTION)
-    angle: Array = np.arange(turns * ANGLES, dtype=np.float64) * (REVOLUTION / ANGLES)
-    unit = model.unit_motion(angle)
-    reduced = reduced_coefficients(unit, applied(model, unit), model.forces.flywheel)
-    force = reduced.force(mean) + loads(model, unit, angle / mean, mean).torque
+    # that of a mechanism that passes a change point may be two revolutions
+    period = round(model.solver.period / REVOLUTION)
+    for turns in range(period, period * MOST_PERIODS + 1, period):
+        twice: Array = np.arange(2 * turns * ANGLES, dtype=np.float64) * (REVOLUTION / ANGLES)
+        unit = model.unit_motion(twice)
+        reduced = reduced_coefficients(unit, applied(model, unit), model.forces.flywheel)
+        force = reduced.force(mean) + loads(model, unit, twice / mean, mean).torque
+        (inertia, later), (force, then) = reduced.inertia.reshape(2, -1), force.reshape(2, -1)
+        change = np.abs(then - force).max() + np.abs(later - inertia).max() * mean**2
+        if change <= SAME_TORQUE * (np.abs(force).max() + np.abs(inertia).max() * mean**2):
+            break
+    else:
+        raise InputError(
+            f"{model.mechanism.name}: the torque of the crank does not repeat within "
+            f"{period * MOST_PERIODS} revolutions, so that its speed has no steady fluctuation"
+        )
+    angle = twice[: len(force)]
     torque = -float(force.mean())
     waves = np.fft.rfft(force + torque)
     order = np.arange(len(waves)) / turns
     waves[1:] /= 1j * order[1:]
     waves[0] = 0.0
     gained: Array = np.fft.irfft(waves, len(angle)).astype(np.float64)
-    return angle, reduced.inertia, gained - gained[0], torque
+    return angle, inertia, gained - gained[0], torque
 
 
 def _even(

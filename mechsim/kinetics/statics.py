@@ -203,12 +203,12 @@ def _with_closed_contacts(
     """
     equations, initial_q = prepared_equations(model, None, initial)
     starts, assemblies, seed = search
-    solutions = _searched(equations, initial_q, starts, assemblies, np.random.default_rng(seed))
+    ranges = getattr(model.solver, "ranges", {})
+    solutions = _searched(equations, initial_q, ranges, starts, assemblies, np.random.default_rng(seed))
     if solutions is None:
         require_regular(equations.kinematics(initial_q, np.zeros_like(initial_q.values)))
         dof = independent_rates(equations, initial_q).shape[1]
         return [_described(equations, RestingState(initial_q, True, dof, False), everywhere=True)]
-    ranges = getattr(model.solver, "ranges", {})
     described = [_described(equations, each) for each in distinct(equations, solutions)]
     if ranges and independent_rates(equations, initial_q).shape[1] == 1:
         described += _at_stops(model, equations, initial_q, ranges)
@@ -298,7 +298,7 @@ def _at_several_stops(
         loops = replace(closed.loops, driven=(*closed.loops.driven, *locked))
         at_limits = replace(closed, loops=loops, start=start)
         random = np.random.default_rng(seed)
-        solutions = _searched(at_limits, start, starts, assemblies, random) if moving else None
+        solutions = _searched(at_limits, start, {}, starts, assemblies, random) if moving else None
         states = [RestingState(start, True, 0, False)]
         if moving:
             # everything is at rest, or nothing may be
@@ -406,9 +406,17 @@ def with_stops(forces: Forces, stops: Mapping[str, float]) -> Forces:
 
 
 def _searched(
-    equations: EquationsOfMotion, q: Coordinates, starts: int, assemblies: int, random: np.random.Generator
+    equations: EquationsOfMotion,
+    q: Coordinates,
+    ranges: Ranges,
+    starts: int,
+    assemblies: int,
+    random: np.random.Generator,
 ) -> list[tuple[Coordinates, bool]] | None:
-    """Return equilibria, and whether they are reached along the motion; None if everything is at rest."""
+    """Return equilibria, and whether they are reached along the motion; None if everything is at rest.
+
+    Curves of one degree of freedom end at the limits of `ranges`.
+    """
     on_curve = starts > 0 and independent_rates(equations, q).shape[1] == 1
     # the curve leads through all steps: they only show whether everything is at rest
     alone = on_curve and equations.loops.rows and not assemblies and not all_at_rest(equations, q)
@@ -416,7 +424,8 @@ def _searched(
     if all_at_rest(equations, joined_configurations([each for each, _ in starting])):
         return None
     if on_curve:
-        starting = _on_curves(equations, starting[:1] if alone else [starting[0], *starting[starts + 1 :]])
+        others = [] if alone else starting[starts + 1 :]
+        starting = _on_curves(equations, ranges, [starting[0], *others])
     if not starting:
         return []
     downhill = np.repeat([False, True], len(starting))
@@ -428,7 +437,7 @@ def _searched(
 
 
 def _on_curves(
-    equations: EquationsOfMotion, starting: Sequence[tuple[Coordinates, bool]]
+    equations: EquationsOfMotion, ranges: Ranges, starting: Sequence[tuple[Coordinates, bool]]
 ) -> list[tuple[Coordinates, bool]]:
     """Return the equilibria on the curves of assemblies through configurations."""
     curves: list[EquilibriumCurve] = []
@@ -436,8 +445,7 @@ def _on_curves(
     for q, reached in starting:
         if any(curve.contains(q) for curve in curves) or independent_rates(equations, q).shape[1] != 1:
             continue
-        limits = _limits_next_to(equations, q, getattr(equations.model.solver, "ranges", {}))
-        curves.append(curve_through(equations, q, limits))
+        curves.append(curve_through(equations, q, _limits_next_to(equations, q, ranges)))
         on_curve = equilibria_on(curves[-1])
         count = 0 if on_curve is None else len(on_curve)
         solutions += [(on_curve.select(np.array([k])), reached) for k in range(count) if on_curve is not None]

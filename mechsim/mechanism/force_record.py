@@ -205,15 +205,15 @@ def wrench_columns(name: str, force: Array, moment: Array) -> Iterator[tuple[str
 
 @dataclass(frozen=True, slots=True)
 class Fluctuation:
-    """A revolution in the steady state under a constant drive torque.
+    """A period in the steady state under a constant drive torque.
 
     Attributes:
-        angle: crank angles over one revolution, (n,) in [rad].
+        angle: crank angles over a period, (n,) in [rad].
         speed: crank speed, (n,) in [rad/s].
         mean: mean speed over time, in [rad/s].
         torque: the constant drive torque, in [N m].
         excess: largest less smallest difference between the work of the drive and the work required since
-            the start of the revolution, in [J].
+            the start of the period, in [J].
         coefficient: (largest - smallest speed) / mean.
         flywheel: moment of inertia of the flywheel, in [kg m2].
     """
