@@ -16,9 +16,8 @@ from mechsim.codegen.dynamics_header import dynamics_header, dynamics_test
 from mechsim.codegen.fmu import FmuModel, Standard, fmu_archive
 from mechsim.codegen.fmu_dynamics import dynamic_fmu
 from mechsim.codegen.fmu_kinematics import kinematic_fmu
-from mechsim.codegen.printing import c_header, javascript
 from mechsim.codegen.self_test import c_test, javascript_test
-from mechsim.codegen.solver_code import SolverCode, solver_code
+from mechsim.codegen.solver_code import SolverCode, c_header, javascript, solver_code
 from mechsim.errors import InputError, several
 from mechsim.files import write_content
 from mechsim.kinetics.dynamic_run import Initial

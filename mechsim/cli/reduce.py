@@ -12,7 +12,7 @@ from mechsim.cli.output import number, print_table, print_text
 from mechsim.cli.progress import progress
 from mechsim.studies.reduction.search import ReducedModel
 from mechsim.studies.reduction.search import reduce as reduce_model
-from mechsim.studies.scene.open_scene import require_mjcf
+from mechsim.studies.scene.scene import require_mjcf
 from mechsim.units import option
 
 

@@ -15,9 +15,8 @@ from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf_reader.coordinates import actuator_names
 from mechsim.simulation.plain_settings import PlainSettings
 from mechsim.studies.scene.errors import SceneEvaluator, divergence_reason, sampled_run, start_error
-from mechsim.studies.scene.open_scene import open_scene, require_mjcf
 from mechsim.studies.scene.run import SceneRun, run_scene
-from mechsim.studies.scene.scene import UserScene
+from mechsim.studies.scene.scene import UserScene, open_scene, require_mjcf
 
 
 def user_scene(path: str, driven: DriveOptions, controls: ControlOptions) -> UserScene:

@@ -15,7 +15,7 @@ from mechsim.cli.progress import progress
 from mechsim.errors import InputError, several
 from mechsim.simulation.plain_settings import ALLOWABLE, PlainSettings
 from mechsim.studies.scene.errors import SceneTrial
-from mechsim.studies.scene.open_scene import require_mjcf
+from mechsim.studies.scene.scene import require_mjcf
 from mechsim.studies.scene.tune import SECONDS, Tuned
 from mechsim.studies.scene.tune_model import tune as tune_model
 from mechsim.studies.scene.write_tuned import setting_changes

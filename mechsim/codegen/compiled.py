@@ -12,8 +12,7 @@ from numpy.typing import ArrayLike
 
 from mechsim.codegen.assembly import assembly
 from mechsim.codegen.kinematics import LINK
-from mechsim.codegen.printing import c_header, javascript
-from mechsim.codegen.solver_code import STATUSES, SolverCode, solver_code, template
+from mechsim.codegen.solver_code import STATUSES, SolverCode, c_header, javascript, solver_code, template
 from mechsim.errors import AssemblyError, InputError
 from mechsim.io.readers import load
 from mechsim.kinematics.loops.motion import instants_of_laws

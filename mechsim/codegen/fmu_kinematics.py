@@ -4,8 +4,7 @@ from collections.abc import Iterable
 
 from mechsim.codegen.fmu import FmuModel, Variable
 from mechsim.codegen.kinematics import INERTIA_NUMBERS
-from mechsim.codegen.printing import c_header
-from mechsim.codegen.solver_code import SolverCode, template
+from mechsim.codegen.solver_code import SolverCode, c_header, template
 
 # quantities of a coordinate -> what they are, and what follows the unit of the coordinate
 MOTION = {"q": ("position", ""), "v": ("rate", "/s"), "a": ("acceleration", "/s2")}

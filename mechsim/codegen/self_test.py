@@ -6,8 +6,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from mechsim.codegen.printing import c_array
-from mechsim.codegen.solver_code import SolverCode, template
+from mechsim.codegen.solver_code import SolverCode, c_array, template
 from mechsim.errors import InputError
 from mechsim.kinematics.loops.motion import instants_of_laws
 from mechsim.kinematics.loops.path import Instants

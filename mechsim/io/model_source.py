@@ -157,7 +157,7 @@ READERS: list[Reader] = [
         types=("mujoco.MjSpec", "mujoco.MjModel", "mechsim.UrdfFile"),
     ),
     Reader("mechsim.io.formula_file:open_python", suffixes=(".py",)),
-    Reader("mechsim.io.sdf_reader:read_sdf", suffixes=(".sdf",), plain=True),
+    Reader("mechsim.io.sdf:read_sdf", suffixes=(".sdf",), plain=True),
     Reader("mechsim.io.usd_reader:read_usd", suffixes=(".usda", ".usdc", ".usdz", ".usd"), plain=True),
     Reader("mechsim.io.planar_json:read_json", suffixes=(".json", ".pmks"), plain=True),
     Reader("mechsim.io.python_object:GivenObject", types=("mechsim.Mechanism", "mechsim.KinematicSolver")),

@@ -13,14 +13,13 @@ from numpy.typing import NDArray
 from mechsim import units
 from mechsim.errors import AssemblyError, InputError, first_names
 from mechsim.kinematics.loops.kinematics import Coordinates
-from mechsim.kinetics.clearances import require_in_holes
 from mechsim.kinetics.compiled_model import CompiledModel
 from mechsim.kinetics.compiled_motion import DenseSteps, evaluated
 from mechsim.kinetics.contacts import CLOSED_GAP, ContactMode, EventFunction, Stop, gap_indices, stops_of
 from mechsim.kinetics.crank_turns import TURNS_BUDGET, CrankTurns
 from mechsim.kinetics.equations_of_motion import EquationsOfMotion, Kinematics, equations_of_motion
 from mechsim.kinetics.forward_dynamics import BUDGET, UNTIL, Executed, Integration, Piece, Trajectory
-from mechsim.kinetics.gaps import GAP, gaps_of, released
+from mechsim.kinetics.gaps import GAP, gaps_of, released, require_in_holes
 from mechsim.kinetics.initial_state import InitialValues, StateLayout, initial_state, projected
 from mechsim.kinetics.model import DynamicModel, dynamic_model
 from mechsim.kinetics.passive_rotation import with_determined_motion

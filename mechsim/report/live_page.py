@@ -11,8 +11,7 @@ import numpy as np
 from mechsim.codegen.assembly import SolvedAssembly, assembly
 from mechsim.codegen.geometry import ParametricGeometry, parametric_geometry
 from mechsim.codegen.kinematics import VaryingNumbers
-from mechsim.codegen.printing import javascript
-from mechsim.codegen.solver_code import solver_code
+from mechsim.codegen.solver_code import javascript, solver_code
 from mechsim.files import read_text
 from mechsim.io.file_expressions import parameter_name
 from mechsim.io.toml_reader import TomlModel, parsed_source

@@ -35,7 +35,7 @@ from mechsim.simulation.mobility import (
     require_within_limits,
 )
 from mechsim.simulation.poses import follow
-from mechsim.simulation.poses.change_points import interpolated_motion, moved_away
+from mechsim.simulation.poses.follow import interpolated_motion, moved_away
 from mechsim.simulation.recording import States, evaluate
 from mechsim.simulation.result import Run
 from mechsim.simulation.settings import Settings

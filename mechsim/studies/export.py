@@ -148,7 +148,7 @@ def export(
 def _text_of_joints(solver: KinematicSolver, format: str) -> tuple[str, str]:
     """Return a mechanism as SDF or USD text, and a sentence on what is left out."""
     if format == "sdf":
-        from mechsim.io.sdf_writer import to_sdf
+        from mechsim.io.sdf import to_sdf
 
         return to_sdf(solver)
     with needs("usd"):

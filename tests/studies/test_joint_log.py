@@ -9,8 +9,7 @@ from mcap_ros2.writer import Writer as RosWriter
 from model_files import FOLDER, model_text
 
 import mechsim as ms
-from mechsim.studies.joint_log import read_log
-from mechsim.studies.measured_table import measured_of
+from mechsim.studies.measured_table import measured_of, read_log
 
 JOINT_STATE = model_text("joint_log_joint_state.msg")
 TIMES = np.arange(200) * 0.02

@@ -6,7 +6,7 @@ from model_files import model_text, stated_mechanism
 
 import mechsim as ms
 from mechsim.kinematics.loops.start import start_poses
-from mechsim.studies.scene.open_scene import open_scene
+from mechsim.studies.scene.scene import open_scene
 
 
 @pytest.mark.long

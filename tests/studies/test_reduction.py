@@ -5,14 +5,17 @@ from scene_texts import FINGER
 
 import mechsim as ms
 from mechsim.io.law_text import control_laws
-from mechsim.studies.reduction.candidates import bodies
-from mechsim.studies.reduction.candidates.bodies import (
+from mechsim.studies.reduction.candidates import elements
+from mechsim.studies.reduction.candidates.elements import (
     NotApplicable,
     RemovalCandidate,
+    contacts,
     disconnected_bodies,
+    limits,
+    springs,
+    visual_elements,
     with_candidate,
 )
-from mechsim.studies.reduction.candidates.elements import contacts, limits, springs, visual_elements
 from mechsim.studies.reduction.reduced_scene import (
     ReducedSceneEvaluator,
     normalised,
@@ -180,7 +183,7 @@ def test_driven_elements_cannot_be_removed(cluttered):
     with pytest.raises(ValueError, match="servo has a motion law"):
         evaluator.scene(spec)
     with pytest.raises(NotApplicable, match="servo acts on joint knuckle"):
-        bodies.fuse(evaluator.spec.copy(), "knuckle", np.zeros(1))
+        elements.fuse(evaluator.spec.copy(), "knuckle", np.zeros(1))
 
 
 def test_a_fused_joint_keeps_the_pose_of_its_body(tmp_path):
@@ -190,7 +193,7 @@ def test_a_fused_joint_keeps_the_pose_of_its_body(tmp_path):
     data.joint("swing").qpos[0] = 0.3
     mujoco.mj_kinematics(model, data)
     pad = data.body("pad").xpos.copy(), data.body("pad").xquat.copy()
-    bodies.fuse(spec, "swing", np.array([0.3]))
+    elements.fuse(spec, "swing", np.array([0.3]))
     reduced_model = spec.compile()
     data = mujoco.MjData(reduced_model)
     mujoco.mj_kinematics(reduced_model, data)

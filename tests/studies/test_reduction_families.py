@@ -7,7 +7,7 @@ from scene_texts import FINGER
 from studies.test_reduction import LIMIT, evaluator_of, observed
 
 from mechsim.studies.reduction.candidates import rods
-from mechsim.studies.reduction.candidates.bodies import fused_bodies, with_candidate
+from mechsim.studies.reduction.candidates.elements import fused_bodies, with_candidate
 
 
 def test_a_rod_becomes_a_length_with_the_same_mass(tmp_path):

@@ -9,8 +9,8 @@ from scene_texts import DRIVEN, FINGER, scene
 from mechsim.errors import AssemblyError
 from mechsim.studies.scene.converged_reference import compute_reference, hardened
 from mechsim.studies.scene.errors import SceneEvaluator, cubic_interpolation, sampled_run
-from mechsim.studies.scene.open_scene import open_scene
 from mechsim.studies.scene.run import run_scene
+from mechsim.studies.scene.scene import open_scene
 
 
 @pytest.mark.parametrize("samples", [2, 3, 8, 11, 601])

@@ -26,8 +26,7 @@ from mechsim.errors import MechsimError
 from mechsim.numerics.resources import Budget
 from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.studies.scene.errors import start_error
-from mechsim.studies.scene.open_scene import python_laws
-from mechsim.studies.scene.scene import UserScene, with_assembled_start
+from mechsim.studies.scene.scene import UserScene, python_laws, with_assembled_start
 from mechsim.studies.scene.tune import AIMED_FRACTION, SECONDS, SceneTrial, Tuned, tuned
 from mechsim.studies.scene.write_tuned import python_of, tuned_text, write_scene
 

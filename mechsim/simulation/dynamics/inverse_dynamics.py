@@ -31,7 +31,7 @@ from mechsim.simulation.dynamics.load_friction import friction_of_state, rubbing
 from mechsim.simulation.dynamics.loaded_model import AppliedForces, LoadedModel
 from mechsim.simulation.dynamics.reactions import transmitted
 from mechsim.simulation.poses import follow
-from mechsim.simulation.poses.change_points import ChangePoint, NearRows, moved_away
+from mechsim.simulation.poses.follow import ChangePoint, NearRows, moved_away
 from mechsim.simulation.recording import CHUNK, States, closure_acceleration, link_motions
 from mechsim.simulation.settings import set_armature
 from mechsim.simulation.stepping import rescale_coupled_tendons

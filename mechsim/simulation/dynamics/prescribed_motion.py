@@ -25,7 +25,7 @@ from mechsim.simulation.dynamics.inverse_dynamics import (
 )
 from mechsim.simulation.dynamics.loaded_model import LoadedModel, loaded_model
 from mechsim.simulation.mjcf.compiling import quiet
-from mechsim.simulation.poses.change_points import interpolated_motion
+from mechsim.simulation.poses.follow import interpolated_motion
 from mechsim.simulation.recording import CHUNK, States, evaluate
 from mechsim.simulation.result import Driven, Method
 from mechsim.simulation.run import laws_of, requested_profile

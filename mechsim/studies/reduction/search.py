@@ -19,7 +19,7 @@ from mechsim.errors import InputError
 from mechsim.numerics.resources import Progress, no_progress
 from mechsim.simulation.mjcf.compiling import quiet, to_xml
 from mechsim.studies.reduction.candidates import CATEGORIES
-from mechsim.studies.reduction.candidates.bodies import NotApplicable, RemovalCandidate, with_candidate
+from mechsim.studies.reduction.candidates.elements import NotApplicable, RemovalCandidate, with_candidate
 from mechsim.studies.reduction.reduced_scene import (
     ReducedSceneEvaluator,
     observe,
@@ -27,8 +27,7 @@ from mechsim.studies.reduction.reduced_scene import (
     time_ratio,
 )
 from mechsim.studies.scene.errors import DIVERGED, UNITS, SceneErrors, tolerance_in_si
-from mechsim.studies.scene.open_scene import open_scene, scene_file
-from mechsim.studies.scene.scene import UserScene, spec_of
+from mechsim.studies.scene.scene import UserScene, open_scene, scene_file, spec_of
 from mechsim.units import Unit
 
 By = Literal["trajectory", "torque"]

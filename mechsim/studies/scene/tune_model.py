@@ -24,9 +24,8 @@ from mechsim.simulation.mjcf.joints import CRANK
 from mechsim.simulation.plain_settings import ALLOWABLE
 from mechsim.simulation.source import from_mechanism
 from mechsim.studies.scene import errors, write_tuned
-from mechsim.studies.scene.open_scene import open_scene, python_laws, scene_file
 from mechsim.studies.scene.run import run_scene
-from mechsim.studies.scene.scene import UserScene, with_assembled_start
+from mechsim.studies.scene.scene import UserScene, open_scene, python_laws, scene_file, with_assembled_start
 from mechsim.studies.scene.tune import AIMED_FRACTION, SECONDS, Tuned, tuned
 from mechsim.units import si
 

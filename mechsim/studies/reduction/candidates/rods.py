@@ -14,7 +14,7 @@ from mechsim.simulation.mjcf.compiling import plainly_compiled
 from mechsim.simulation.mjcf_reader.equality_constraints import CONNECT, WELD
 from mechsim.simulation.plain_settings import LOWEST_COMPLIANCE_SOLIMP
 from mechsim.simulation.state import quaternion, rotation_matrix
-from mechsim.studies.reduction.candidates.bodies import (
+from mechsim.studies.reduction.candidates.elements import (
     LISTED,
     NotApplicable,
     RemovalCandidate,
