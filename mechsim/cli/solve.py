@@ -17,7 +17,7 @@ from mechsim.cli.progress import progress
 from mechsim.errors import InputError, several
 from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.mechanism.motion import Motion
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import Array, unique
 from mechsim.numerics.resources import require_memory
 from mechsim.units import crank_speed, option, parse_angles
 
@@ -217,6 +217,6 @@ def _print_table(name: str, columns: Mapping[str, Array]) -> None:
     }
     shown = [head for head, column in values.items() if any(column)][:SHOWN_COLUMNS]
     count = len(next(iter(columns.values())))
-    rows = np.unique(np.linspace(0, count - 1, min(count, SHOWN_ROWS)).astype(int)).tolist()
+    rows = unique(np.linspace(0, count - 1, min(count, SHOWN_ROWS)).astype(int)).tolist()
     print_table(name, shown, [[values[head][row] for head in shown] for row in rows])
     typer.echo(f"{len(rows)} of {count} rows, {len(shown)} of {len(columns)} columns; -o FILE.csv writes all")

@@ -17,7 +17,7 @@ from mechsim.mechanism.finding import POSITION_TOLERANCE
 from mechsim.mechanism.force_record import ForceRecord
 from mechsim.mechanism.motion import Motion, Solver
 from mechsim.mechanism.motion_laws import CRANK, MotionLaws
-from mechsim.numerics.arrays import REVOLUTION, Array, require
+from mechsim.numerics.arrays import REVOLUTION, Array, require, unique
 
 # a simulation is in another assembly mode if its distance from that mode is below this fraction of its
 # distance from its own (validation/robustness/assembly_detector.py)
@@ -44,8 +44,8 @@ def elsewhere(simulated: Motion, exact: Motion, solver: Solver) -> float | None:
         first = np.flatnonzero(wrong[1:] & wrong[:-1])
         return float(angle[first[0]]) if len(first) else None
     distance = np.max(list(simulated.position_errors(exact).values()), axis=0)
-    pairs = np.unique(np.linspace(0, max(0, len(angle) - 2), MAX_PAIRS).astype(int))
-    rows = np.unique(np.clip(np.concatenate([pairs, pairs + 1]), 0, len(angle) - 1))
+    pairs = unique(np.linspace(0, max(0, len(angle) - 2), MAX_PAIRS).astype(int))
+    rows = unique(np.clip(np.concatenate([pairs, pairs + 1]), 0, len(angle) - 1))
     apart = np.zeros(len(rows))
     for k, i in enumerate(rows):
         for _, points in listed(float(exact.angle[i])):

@@ -35,7 +35,7 @@ from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.motion import Motion, short_repr
 from mechsim.mechanism.motion_laws import State
 from mechsim.mechanism.nonlinear_springs import Phases
-from mechsim.numerics.arrays import EPS, Array
+from mechsim.numerics.arrays import EPS, Array, unique
 from mechsim.numerics.resources import Progress, no_progress
 
 # an initial value: in SI, text with units, or the numbers of a rotation or angular velocity
@@ -427,7 +427,7 @@ def _states_at(pieces: Sequence[Piece], times: Array) -> tuple[NDArray[np.intp],
     # at an instant of an impact: the state after it
     numbers = np.searchsorted([piece.last for piece in pieces], times, side="right")
     numbers = np.minimum(numbers, len(pieces) - 1)
-    return numbers, np.concatenate([pieces[k].solution(times[numbers == k]) for k in np.unique(numbers)])
+    return numbers, np.concatenate([pieces[k].solution(times[numbers == k]) for k in unique(numbers)])
 
 
 def _segments(pieces: Sequence[Piece], gaps: Mapping[int, str]) -> tuple[RunSegment, ...]:

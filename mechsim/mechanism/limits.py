@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping
 import numpy as np
 
 from mechsim.errors import AssemblyError, InputError
-from mechsim.numerics.arrays import REVOLUTION, ROUNDING, Array
+from mechsim.numerics.arrays import REVOLUTION, ROUNDING, Array, unique
 
 # instants per revolution of the crank or the path parameter at which ranges are checked, and their maximum
 INSTANTS, MAX_INSTANTS = 256, 65536
@@ -37,7 +37,7 @@ def extremes(parameter: Array, values: Iterable[Array]) -> Array:
         peak = ((middle - before) * (after - middle) <= 0.0) & (curvature != 0.0)
         share = 0.5 * (before[peak] - after[peak]) / curvature[peak]
         peaks.append(parameter[1:-1][peak] + np.clip(share, -1.0, 1.0) * (parameter[1] - parameter[0]))
-    return np.unique(np.concatenate(peaks))
+    return unique(np.concatenate(peaks))
 
 
 def require_within(

@@ -10,6 +10,7 @@ from mechsim.errors import InputError
 
 Array = NDArray[np.float64]
 Kind = TypeVar("Kind")
+Number = TypeVar("Number", bound=np.generic)
 REVOLUTION = 2.0 * np.pi
 # spacing of floating-point numbers at 1
 EPS = 2.0**-52
@@ -43,6 +44,12 @@ def distinct(points: ArrayLike, gap: float) -> list[Array]:
         if all(np.linalg.norm(point - other) > gap for other in kept):
             kept.append(point)
     return kept
+
+
+def unique(values: NDArray[Number]) -> NDArray[Number]:
+    """Return the distinct values of an array, ascending."""
+    # without a second result, numpy.unique imports numpy.ma, which takes longer than a solution of a six-bar
+    return np.unique(values, return_index=True)[0]
 
 
 def worst(errors: ArrayLike) -> float:

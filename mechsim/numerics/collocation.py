@@ -14,7 +14,7 @@ from numpy.polynomial import chebyshev
 from numpy.typing import ArrayLike, NDArray
 
 from mechsim.errors import InputError
-from mechsim.numerics.arrays import Array, numbers
+from mechsim.numerics.arrays import Array, numbers, unique
 
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline
@@ -181,7 +181,7 @@ class Piecewise(Generic[S_co]):
         """Yield polynomials, and the indices of the parameters (n,) in each."""
         owner = np.searchsorted(self._lows, s + JUNCTION, side="right") - 1
         owner = np.clip(owner, 0, len(self.segments) - 1)
-        for i in np.unique(owner).tolist():
+        for i in unique(owner).tolist():
             yield self.segments[i], np.flatnonzero(owner == i)
 
     def segment_at(self, s: float) -> S_co:

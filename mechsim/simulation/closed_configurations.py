@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from mechsim.errors import AssemblyError, InputError, first_names
 from mechsim.mechanism.limits import require_count
 from mechsim.mechanism.motion import short_repr
-from mechsim.numerics.arrays import ROUNDING, Array
+from mechsim.numerics.arrays import ROUNDING, Array, unique
 from mechsim.numerics.graphs import components
 from mechsim.numerics.newton import NewtonSettings, newton
 from mechsim.numerics.rank import RANK_TOLERANCE, least_squares, pivot_columns
@@ -179,7 +179,7 @@ class StraightPath:
     @property
     def joints(self) -> NDArray[np.int32]:
         """Indices of the joints that move."""
-        return np.unique(self.loops.model.dof_jntid[[*self.drivers, *self.passive]])
+        return unique(self.loops.model.dof_jntid[[*self.drivers, *self.passive]])
 
     @cached_property
     def groups(self) -> list[NDArray[np.intp]]:
@@ -201,7 +201,9 @@ class StraightPath:
         members = [dofs[[*group]] for group in groups]
         return [
             replace(
-                self, drivers=np.intersect1d(self.drivers, own), passive=np.intersect1d(self.passive, own)
+                self,
+                drivers=np.intersect1d(self.drivers, own, assume_unique=True),
+                passive=np.intersect1d(self.passive, own, assume_unique=True),
             )
             for own in members
         ]
@@ -377,7 +379,7 @@ def straight_path(
             if joint in limited_joints(model):
                 weights[dof] *= np.ptp(model.jnt_range[joint]) / loops.units[dof]
     free = np.flatnonzero(~(fix_base & (kinds == FREE)))
-    others = np.setdiff1d(free, drivers or []).astype(np.int64)
+    others = np.setdiff1d(free, drivers or [], assume_unique=True).astype(np.int64)
     starts = start[None] if start is not None else np.concatenate([model.qpos0[None], model.key_qpos])
     closed = _closed_reference(loops, starts, others, loops.units[others] * weights[others])
     rank, jacobian = _rank(loops, closed[None], free), loops.linearise(closed[None])[1][0] * loops.units
@@ -400,7 +402,7 @@ def straight_path(
         influence = _influence(loops, closed, None if fix_base else probes).max(0)
         in_loops = model.dof_jntid[influence > ROUNDED_ERROR * influence.max(initial=0.0)]
         drawn = np.isin(kinds, SCALAR) | np.isin(model.dof_jntid, in_loops)
-        drivers = np.setdiff1d(free[drawn[free]], passive).tolist()
+        drivers = np.setdiff1d(free[drawn[free]], passive, assume_unique=True).tolist()
     return StraightPath(loops, closed, np.array(drivers, dtype=np.int64), passive)
 
 

@@ -12,7 +12,7 @@ from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.motion import Motion
 from mechsim.mechanism.motion_laws import CrankProfile
 from mechsim.mechanism.scene import Scene
-from mechsim.numerics.arrays import REVOLUTION, Array
+from mechsim.numerics.arrays import REVOLUTION, Array, unique
 from mechsim.simulation import loop_jacobian
 from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.model_loops import ModelLoops
@@ -83,7 +83,7 @@ def in_another_assembly(
     rounding = ROUNDING * closed.loops.characteristic_length
     distant = error[:count] > max(MIN_SEPARATION * 0.5 * stroke, rounding)
     pairs = np.flatnonzero(distant[1:] & distant[:-1])
-    tested = pairs[np.unique(np.linspace(0, len(pairs) - 1, MAX_PAIRS).astype(int))] if len(pairs) else []
+    tested = pairs[unique(np.linspace(0, len(pairs) - 1, MAX_PAIRS).astype(int))] if len(pairs) else []
     for i in tested:
         both = slice(i, i + 2)
         try:

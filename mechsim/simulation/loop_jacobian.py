@@ -202,7 +202,7 @@ def conditioning(loops: ModelLoops, jacobian: Jacobian) -> Array:
     It is the smallest singular value of the scaled Jacobian, without those that are zero at every state
     because of redundant constraints or unconstrained DOFs.
     """
-    passive = np.setdiff1d(loops.free, loops.driven_dofs)
+    passive = np.setdiff1d(loops.free, loops.driven_dofs, assume_unique=True)
     if not isinstance(jacobian, np.ndarray):
         scaled = jacobian.scaled(loops.scale, loops.units).restricted(passive)
         if (smallest := scaled.smallest_singular_values()) is not None:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from mechsim.errors import InputError, several
 from mechsim.mechanism.links import VIRTUAL_PREFIX
-from mechsim.numerics.arrays import REVOLUTION, Array, number, numbers
+from mechsim.numerics.arrays import REVOLUTION, Array, number, numbers, unique
 from mechsim.simulation.mjcf.generator import DRIVE_INERTIA_RATIO
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.plain_settings import INTEGRATORS, SOLVERS, PlainSettings
@@ -261,7 +261,7 @@ class Settings:
         model.opt.noslip_iterations = 0
         rows = [row.equality for row in (*loops.couplings, *loops.rods)]
         tendons = [i for i in rows if model.eq_type[i] == int(mujoco.mjtEq.mjEQ_TENDON)]
-        ends = np.unique([model.eq_obj1id[tendons], model.eq_obj2id[tendons]])
+        ends = unique(np.stack([model.eq_obj1id[tendons], model.eq_obj2id[tendons]]))
         model.tendon_invweight0[ends[ends >= 0]] *= self.compliance_used
         # a light body of a chain of slides would make its constraint softer than the loops
         virtual = [i for i in range(model.nbody) if model.body(i).name.startswith(VIRTUAL_PREFIX)]

@@ -14,7 +14,7 @@ import numpy as np
 
 from mechsim.kinematics.vector_method import trig_quartic
 from mechsim.mechanism.motion_laws import Arcs
-from mechsim.numerics.arrays import REVOLUTION, Array
+from mechsim.numerics.arrays import REVOLUTION, Array, unique
 
 Coefficients = Callable[[Array], Array]
 
@@ -172,7 +172,7 @@ def _nodes(coefficients: Coefficients, arc: tuple[float, float], full: bool) -> 
 
     nodes, folds = base, np.empty(0)
     for _ in range(PASSES):
-        nodes = np.union1d(nodes, _dips(apart, nodes))
+        nodes = unique(np.append(nodes, _dips(apart, nodes)))
         counts = count(nodes)
         passed = np.searchsorted(folds, nodes)
         changes = np.nonzero((counts[1:] != counts[:-1]) & (passed[1:] == passed[:-1]))[0]
@@ -189,7 +189,7 @@ def _nodes(coefficients: Coefficients, arc: tuple[float, float], full: bool) -> 
             (np.outer(end - new, SHRINK) + new[:, None]).ravel()
             for end in (nodes[changes], nodes[changes + 1])
         ]
-        folds, nodes = np.union1d(folds, new), np.union1d(nodes, np.concatenate(clusters))
+        folds, nodes = unique(np.append(folds, new)), unique(np.concatenate([nodes, *clusters]))
     return folds.tolist(), nodes[:-1] if full else nodes
 
 

@@ -141,7 +141,8 @@ def _lengths(scene: Inspected) -> Iterator[Finding]:
         yield scene.finding("units", None, longest, message, remedy, "lengths")
         return
     distances = {b: _distance(scene, b) for b in np.flatnonzero(model.body_weldid).tolist()}
-    middle = float(np.median([by for by in distances.values() if by > 0.0] or [0.0]))
+    lengths = sorted(by for by in distances.values() if by > 0.0) or [0.0]
+    middle = 0.5 * (lengths[(len(lengths) - 1) // 2] + lengths[len(lengths) // 2])
     for b, by in distances.items():
         if middle > 0.0 and by > MAX_RATIO * middle and by > 1.0:
             name = str(model.body(b).name)
