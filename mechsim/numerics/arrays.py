@@ -52,6 +52,12 @@ def unique(values: NDArray[Number]) -> NDArray[Number]:
     return np.unique(values, return_index=True)[0]
 
 
+def scattered(count: int, number: int) -> Array:
+    """Return numbers between -1 and 1 without a pattern, (count,); those of other numbers differ."""
+    # importing numpy.random takes longer than a solution, too
+    return np.cos(0.6 * number * np.arange(1, count + 1) ** 2)
+
+
 def worst(errors: ArrayLike) -> float:
     """Return the largest absolute value of errors; infinity if one is NaN, 0 if there is none."""
     sizes = np.abs(np.asarray(errors, dtype=np.float64))

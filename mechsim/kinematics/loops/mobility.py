@@ -13,7 +13,7 @@ from mechsim.kinematics.loops.start import all_closed, assembled, close_nearest,
 from mechsim.mechanism.joint_kinds import KINDS
 from mechsim.mechanism.links import GROUND, Pose
 from mechsim.mechanism.mechanism import Mechanism
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import Array, scattered
 from mechsim.numerics.loop_solver import NEARBY, LoopSystem, loop_solver
 from mechsim.numerics.newton import NewtonSettings, newton
 from mechsim.numerics.rank import FLOOR, RANK_TOLERANCE, least_norm, null_space, rank, significant
@@ -55,11 +55,11 @@ def generic_poses(
             "the start of its driver; start where it has one"
         )
     loops = replace(loops, driven=())
-    random, q = np.random.default_rng(7), nearest_consistent(loops, start, tolerance, floor)
+    q = nearest_consistent(loops, start, tolerance, floor)
     poses: list[Coordinates] = []
-    for _ in range(count):
+    for k in range(count):
         basis = null_space(loops.linearise(q)[1][..., 0], tolerance, floor)
-        step = basis.T @ random.standard_normal(len(basis))
+        step = basis.T @ scattered(len(basis), k + 1)
         longest = float(np.abs(step).max(initial=0.0))
         # from the end of a table only one direction leads to poses
         for sign in (1.0, -1.0) if longest > 0.0 else ():

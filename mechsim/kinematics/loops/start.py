@@ -17,7 +17,7 @@ from mechsim.mechanism.joints import End, Joint, joint_coordinate
 from mechsim.mechanism.link_poses import guessed_poses, initial_coordinates
 from mechsim.mechanism.links import GROUND, IDENTITY, VIRTUAL_PREFIX, Pose, vector
 from mechsim.mechanism.mechanism import Mechanism
-from mechsim.numerics.arrays import REVOLUTION, Array
+from mechsim.numerics.arrays import REVOLUTION, Array, scattered
 from mechsim.numerics.graphs import components
 from mechsim.numerics.loop_solver import MIN_UNKNOWNS, LoopSystem
 from mechsim.numerics.newton import NewtonResult, NewtonSettings, newton, square_solution
@@ -382,22 +382,24 @@ def _next_to_stated(loops: TreeLoops, q: Coordinates, stated: Mapping[str, float
     return replace(q, values=values)
 
 
-def disturbed(loops: TreeLoops, q: Coordinates) -> Coordinates:
+def disturbed(loops: TreeLoops, q: Coordinates, step: Array | None = None) -> Coordinates:
     """Return a configuration, and others with increasingly disturbed unknown coordinates.
 
-    The arguments of functions, such as places along curves, are spread over their intervals.
+    The signs and sizes of the disturbances are random, or those of steps (count, n). The arguments of functions, such as places along curves, are spread over their intervals.
     """
-    step = np.random.default_rng(1).uniform(-1.0, 1.0, (loops.tree.count, STARTS))
-    step *= np.geomspace(LEAST_DISTURBANCE, LARGEST_DISTURBANCE, STARTS)
+    if step is None:
+        step = np.random.default_rng(1).uniform(-1.0, 1.0, (loops.tree.count, STARTS))
+    n = step.shape[1]
+    step = step * np.geomspace(LEAST_DISTURBANCE, LARGEST_DISTURBANCE, STARTS)[:n]
     step[list(loops.driven)] = 0.0
     step[:, 0] = 0.0
-    starts = loops.displaced(q.repeated(STARTS), step)
+    starts = loops.displaced(q.repeated(n), step)
     values, indices = starts.values, loops.tree.index_of
     for law in loops.tree.mechanism.laws:
         if law.function is None or not isinstance(law.right, str) or not isinstance(law.left, str):
             continue
         if (argument := indices[law.right]) not in loops.driven:
-            values[argument, 1:] = np.linspace(*law.function.interval, STARTS)[1:]
+            values[argument, 1:] = np.linspace(*law.function.interval, STARTS)[1:n]
         if (follower := indices[law.left]) not in loops.driven:
             values[follower, 1:] = law.zeros[0] + law.polynomial(values[argument, 1:])[0]
     return starts
@@ -410,7 +412,7 @@ def _regular(loops: TreeLoops, initial: Coordinates) -> bool:
     """
     if np.abs(loops.linearise(initial)[0]).max(initial=0.0) < NEARLY_CLOSED:
         return True
-    q = disturbed(loops, initial).select(np.array([0, 1]))
+    q = disturbed(loops, initial, np.stack([scattered(loops.tree.count, k) for k in (0, 1)], 1))
     start, nearby = loops.linearise(q)[1][:, loops.unknown].transpose(2, 0, 1)
     return rank(start, BRANCH_CUTOFF) == rank(nearby, BRANCH_CUTOFF)
 

@@ -113,7 +113,8 @@ def _determined(scene: Inspected, dof: int, actuated: set[int]) -> bool:
 def _passive_limits(path: StraightPath) -> Iterator[Finding]:
     """Yield passive joints whose limits reject closed configurations within the drivers' limits."""
     model = path.loops.model
-    limited = np.intersect1d(model.dof_jntid[path.passive], limited_joints(model))
+    limits = limited_joints(model)
+    limited = limits[np.isin(limits, model.dof_jntid[path.passive])]
     on_joint = model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT
     actuated = np.isin(model.dof_jntid[path.drivers], model.actuator_trnid[on_joint, 0])
     if not len(limited) or not len(actuated) or not actuated.all():
