@@ -58,13 +58,17 @@ def c_sources() -> str:
 
 
 @cache
+def structures() -> dict[str, str]:
+    """Return the members of each structure in the C code, as text."""
+    return {name: text for text, name in re.findall(r"typedef struct \{([^}]*)\} (\w+);", c_sources())}
+
+
+@cache
 def members_of(structure: str) -> tuple[tuple[str, str, tuple[int, ...]], ...]:
     """Return name, type and shape of each member of a structure in the C code; names of pointers have a *."""
-    declared = re.search(rf"typedef struct \{{([^}}]*)\}} {structure};", c_sources())
-    assert declared is not None
-    declarations = re.sub(r"/\*.*?\*/|\bconst\b", "", declared[1], flags=re.DOTALL).split(";")[:-1]
+    text = re.sub(r"/\*.*?\*/|\bconst\b", "", structures()[structure], flags=re.DOTALL)
     result: list[tuple[str, str, tuple[int, ...]]] = []
-    for kind, names in (declaration.split(maxsplit=1) for declaration in declarations):
+    for kind, names in (declaration.split(maxsplit=1) for declaration in text.split(";")[:-1]):
         for name, sizes in re.findall(r"(\*?\w+)((?:\[\d+\])*)", names):
             result.append((name, kind, tuple(map(int, re.findall(r"\d+", sizes)))))
     return tuple(result)

@@ -385,7 +385,8 @@ def _next_to_stated(loops: TreeLoops, q: Coordinates, stated: Mapping[str, float
 def disturbed(loops: TreeLoops, q: Coordinates, step: Array | None = None) -> Coordinates:
     """Return a configuration, and others with increasingly disturbed unknown coordinates.
 
-    The signs and sizes of the disturbances are random, or those of steps (count, n). The arguments of functions, such as places along curves, are spread over their intervals.
+    Disturbances are random, or those of steps (count, n). The arguments of functions, such as
+    places along curves, are spread over their intervals.
     """
     if step is None:
         step = np.random.default_rng(1).uniform(-1.0, 1.0, (loops.tree.count, STARTS))
