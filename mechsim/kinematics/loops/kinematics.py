@@ -70,34 +70,37 @@ def link_poses(tree: SpanningTree, q: Coordinates) -> LinkPoses:
     """Return the link poses at coordinates."""
     n, dtype, links = len(q), q.values.dtype, len(tree.branches)
     position, rotation = np.empty((links, 3, n), dtype), np.empty((links, 3, 3, n), dtype)
-    axes, centres = np.empty((2, 3, tree.count, n), dtype)
+    # unit twists (count, 6, n) of rotations about axes through centres, (3, count, n), and slides
+    unit_twists, centres = np.empty((6, tree.count, n), dtype), np.empty((3, tree.count, n), dtype)
+    axes, slides = unit_twists[3:], tree.slides
     terms = np.empty((tree.count, 3, n), dtype)
     terms[:, 0], terms[:, 1], terms[:, 2] = 1.0, np.cos(q.values), np.sin(q.values)
     for group in tree.groups:
-        sides, relative = group.sides, _relative_rotations(group, terms, q.turns)
-        carrier = None if group.parents is None else rotation[group.parents]
-        if carrier is None:
-            origin, arm, own = 0.0, _wide(sides.parent_point, 2), relative
+        relative = _relative_rotations(group, terms, q.turns)
+        if group.parents is None:
+            origin, on_parent, own = 0.0, _wide(group.on_parent.swapaxes(1, 2), 3), relative
         else:
-            origin, arm = position[group.parents], carried_point(sides.parent_point, carrier)
+            carrier = rotation[group.parents]
+            origin, on_parent = position[group.parents], _carried(group.on_parent, carrier)
             own = matrix_product(carrier, relative)
-        slid = np.zeros((1, 3, 1), dtype)
-        for i, (k, (on_child, axis)) in enumerate(zip(group.columns, group.axes, strict=True)):
-            frame = own if on_child else carrier
-            direction = _wide(axis, 2) if frame is None else carried_point(axis, frame)
+        on_child = _carried(group.on_child, own)
+        arm = on_parent[:, :, 0]
+        # a link's displacement from its parent first: rods of equal length then cancel exactly
+        displacement = arm - on_child[:, :, 0]
+        for i, (k, (of_child, j)) in enumerate(zip(group.columns, group.axes, strict=True)):
+            direction = (on_child if of_child else on_parent)[:, :, j]
             axes[:, k] = direction.swapaxes(0, 1)
             # axes of rotations pass through side b's point
-            centres[:, k] = (origin + (arm + slid if group.forward else arm)).swapaxes(0, 1)
+            centres[:, k] = (origin + arm).swapaxes(0, 1)
             if i < len(group.kind.slides):
-                slid = slid + direction * q.values[k][:, None]
+                slid = direction * q.values[k][:, None]
+                displacement = displacement + slid
+                arm = arm + slid if group.forward else arm
         rotation[group.children] = own
-        # a link's displacement from its parent first: rods of equal length then cancel exactly
-        position[group.children] = origin + (arm - carried_point(sides.child_point, own) + slid)
-    # unit twists (count, 6, n) of rotations about axes through centres, (3, count, n), and slides
-    unit_twists = np.empty((6, tree.count, n), dtype)
-    unit_twists[:3], unit_twists[3:] = cross(centres, axes), axes
-    if tree.slides.any():
-        unit_twists[:3, tree.slides], unit_twists[3:, tree.slides] = axes[:, tree.slides], 0.0
+        position[group.children] = origin + displacement
+    unit_twists[:3] = cross(centres, axes)
+    if slides.any():
+        unit_twists[:3, slides], axes[:, slides] = axes[:, slides], 0.0
     return LinkPoses(position, rotation, unit_twists.transpose(1, 0, 2))
 
 
@@ -134,6 +137,13 @@ def carried_frame(frame: Array, rotation: Array) -> Array:
     if frame.ndim == 3:
         return frame.swapaxes(1, 2)[:, None] @ rotation
     return matrix_product(rotation, frame)
+
+
+def _carried(vectors: Array, rotation: Array) -> Array:
+    """Return vectors (m, k, 3) of links, or (m, k, 3, n) of many designs, rotated with them, (m, 3, k, n)."""
+    if vectors.ndim == 3:
+        return vectors[:, None] @ rotation
+    return np.einsum("mkjn,mijn->mikn", vectors, rotation)
 
 
 def carried_point(point: Array, rotation: Array) -> Array:

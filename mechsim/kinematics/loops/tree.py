@@ -140,7 +140,9 @@ class JointGroup:
         turns: rotations of spherical joints among those of all.
         sides: sides of the joints, each array with a first axis of length m.
         rotations: angles of the joints, and their rotations as `TreeJoint.rotations`, with the same axis.
-        axes: whether each axis is fixed on the child, and its directions, (m, 3) or (m, 3, n).
+        axes: whether each axis is fixed on the child, and its number among the vectors there.
+        on_parent: points of the joints and axes on the parents, (m, vectors, 3) or (m, vectors, 3, n).
+        on_child: the same on the children.
     """
 
     kind: Kind
@@ -151,7 +153,9 @@ class JointGroup:
     turns: Indices | None
     sides: JointSides
     rotations: list[tuple[Indices, Array]]
-    axes: list[tuple[bool, Array]]
+    axes: list[tuple[bool, int]]
+    on_parent: Array
+    on_child: Array
 
 
 @dataclass(frozen=True)
@@ -204,6 +208,12 @@ class SpanningTree:
         like, balls = branches[0], [ball.child for ball in self.balls]
         columns = [indices([branch.first + k for branch in branches]) for k in range(like.kind.dof)]
         rotations = zip(*(branch.rotations for branch in branches), strict=True)
+        sides = JointSides(*map(np.stack, zip(*(branch.sides for branch in branches), strict=True)))
+        vectors, axes = ([sides.parent_point], [sides.child_point]), list[tuple[bool, int]]()
+        for k, (link, _) in enumerate(like.axes):
+            own = vectors[link == like.child]
+            axes.append((link == like.child, len(own)))
+            own.append(np.stack([branch.axes[k][1] for branch in branches]))
         return JointGroup(
             like.kind,
             like.forward,
@@ -211,15 +221,13 @@ class SpanningTree:
             indices([branch.child for branch in branches]),
             columns,
             indices([balls.index(branch.child) for branch in branches]) if like.kind.ball else None,
-            JointSides(*map(np.stack, zip(*(branch.sides for branch in branches), strict=True))),
+            sides,
             [
                 (columns[k - like.first], np.stack(each))
                 for k, each in zip(like.angles, rotations, strict=False)
             ],
-            [
-                (link == like.child, np.stack([branch.axes[k][1] for branch in branches]))
-                for k, (link, _) in enumerate(like.axes)
-            ],
+            axes,
+            *(np.stack(own, 1) for own in vectors),
         )
 
     @cached_property
