@@ -17,6 +17,7 @@ from mechsim.cli.output import DEGREES, number, print_table, print_text, without
 from mechsim.cli.verdict_text import print_verdicts
 from mechsim.errors import InputError, several
 from mechsim.kinetics import DynamicModel, Equilibrium, LoadCurve, Mode
+from mechsim.kinetics.contact_forces import contact_unit
 from mechsim.kinetics.dynamic_run import Initial
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.quantities import coordinate_units
@@ -92,12 +93,8 @@ def statics(
             unit = mechanism.effort_unit(driver) + locking
             print_text(f"with friction, so do {number(low)} to {number(high)} {unit}")
 
-        if loaded is not None:
-            rows = [tuple(map(number, row)) for row in loaded.limit_points]
-            spans = [f"{number(x.min())} to {number(x.max())}" for x in (loaded.load, loaded.displacement)]
-            limits = several(len(rows), "limit point")
-            print_text(f"curve {curve}: loads {spans[0]}, displacements {spans[1]}, {limits}")
-            print_table(f"limit points of {curve}", ("load", "displacement"), rows)
+        if loaded is not None and curve is not None:
+            _print_curve(curve, loaded)
         if verdicts:
             print_verdicts(verdicts, verbose=verbose)
 
@@ -111,7 +108,7 @@ def statics(
         "checks": checks,
     }
     if loaded is not None:
-        data["curve"] = files.attributes(loaded, "load", "displacement", "stable", "limit_points")
+        data["curve"] = files.attributes(loaded, "load", "displacement", "stable", "limit_points", "pulling")
     return _with_masses(model, Result(data, text, agreed), verbose)
 
 
@@ -121,9 +118,13 @@ def _holding(
     """Return the forces that hold a stated configuration, their ranges, and why there are none."""
     try:
         torques = kinetics.holding(model, initial=state) if state else {}
-        ranges = kinetics.holding_range(model, initial=state) if state else {}
     except InputError as error:
         return {}, {}, str(error)
+    ranges: dict[str, tuple[float, float]] = {}
+    try:
+        ranges = kinetics.holding_range(model, initial=state) if state else {}
+    except InputError as error:
+        notes.append(str(error))
     none = "no driver can hold the initial configuration: none is named, as by inverse --drive"
     return torques, ranges, none
 
@@ -165,6 +166,16 @@ def _load_curve(model: DynamicModel, text: str, initial: Mapping[str, Initial]) 
     return kinetics.load_curve(model, load, between=(ends[0], ends[1]), initial=initial)
 
 
+def _print_curve(name: str, curve: LoadCurve) -> None:
+    """Print the extent of a load-displacement curve, and its limit points."""
+    rows = [tuple(map(number, row)) for row in curve.limit_points]
+    spans = [f"{number(x.min())} to {number(x.max())}" for x in (curve.load, curve.displacement)]
+    wrong = f"; at {curve.pulling.sum()} of {len(curve.load)} points a contact would pull, or a rope push"
+    limits = several(len(rows), "limit point") + (wrong if curve.pulling.any() else "")
+    print_text(f"curve {name}: loads {spans[0]}, displacements {spans[1]}, {limits}")
+    print_table(f"limit points of {name}", ("load", "displacement"), rows)
+
+
 def _print_equilibria(mechanism: Mechanism, solutions: Sequence[Equilibrium], assemblies: int) -> None:
     """Print equilibria, their stability and natural frequencies as a table."""
     rows = [
@@ -179,6 +190,10 @@ def _print_equilibria(mechanism: Mechanism, solutions: Sequence[Equilibrium], as
                 + [
                     f"stop of {name} presses with {number(force)} {mechanism.effort_unit(name)}"
                     for name, force in equilibrium.stops.items()
+                ]
+                + [
+                    f"{number(force)} {contact_unit(mechanism, name)} in {name}"
+                    for name, force in equilibrium.contacts.items()
                 ]
                 + [_root_text(mode) for mode in equilibrium.modes]
             ),
@@ -220,7 +235,18 @@ def _position(mechanism: Mechanism, equilibrium: Equilibrium) -> str:
 
 
 def _equilibrium_facts(equilibrium: Equilibrium) -> dict[str, Any]:
-    names = ("q", "stable", "dimension", "singular", "reached", "everywhere", "potential", "stops", "open")
+    names = (
+        "q",
+        "stable",
+        "dimension",
+        "singular",
+        "reached",
+        "everywhere",
+        "potential",
+        "stops",
+        "contacts",
+        "open",
+    )
     return files.attributes(equilibrium, *names) | {"modes": [*map(_mode_facts, equilibrium.modes)]}
 
 

@@ -19,6 +19,7 @@ from mechsim.kinetics.model import DynamicModel
 from mechsim.kinetics.prescribed_motion import prescribed_along
 from mechsim.mechanism.cams import Cam
 from mechsim.mechanism.joints import Coupling
+from mechsim.mechanism.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.newton import roots
 from mechsim.numerics.peaks import peak
@@ -120,12 +121,17 @@ def contact_forces(model: DynamicModel, state: State, times: Array) -> dict[str,
     return {name: _contact_force(model, state, times, name, *opening.get(name, ("", None))) for name in names}
 
 
+def contact_unit(mechanism: Mechanism, name: str) -> str:
+    """Return the unit of the force of a contact or a rope."""
+    shape = mechanism.contacts[name].shape if name in mechanism.contacts else None
+    return "N m" if isinstance(shape, Cam) and shape.motion == "swinging" else "N"
+
+
 def _contact_force(
     model: DynamicModel, state: State, times: Array, name: str, label: str, law: Coupling | None
 ) -> ContactForce:
     """Return the force of a contact by its name, or of a coupling by the label of its law."""
     contact, rope = model.mechanism.contacts.get(name), law is not None and law.rope
-    swings = contact is not None and isinstance(contact.shape, Cam) and contact.shape.motion == "swinging"
 
     def force(instants: Array) -> tuple[Array, Array | None]:
         """Return the force, (n,) in [N] or [N m], and at a cam its lever, (n,) in [1] or [m]."""
@@ -174,5 +180,7 @@ def _contact_force(
         largest_at=largest_at,
         changes=tuple(changes.tolist()),
         preload=None if levers is None else max(0.0, peak(preload, samples)[1]),
-        unit=model.mechanism.effort_unit(next(iter(law.left_terms))) if law else "N m" if swings else "N",
+        unit=model.mechanism.effort_unit(next(iter(law.left_terms)))
+        if law
+        else contact_unit(model.mechanism, name),
     )

@@ -585,7 +585,7 @@ def _actuator_forces(
             add_tension(state.unit, pulls, actuator.ends, -actuator.pull * force)
         if actuator.inflow is not None:
             activations.append(actuator.state_rate(inputs, length, speed, activation))
-    return total[equations.free].T, pulls, np.reshape(activations, (-1, len(time)))
+    return total[equations.free].T, pulls, np.reshape(activations, (len(activations), len(time)))
 
 
 def _rubbing(limits: Array, sliding: Array, directions: Array, force: Array) -> Array:

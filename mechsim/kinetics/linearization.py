@@ -301,7 +301,7 @@ def reduced_forces(equations: EquationsOfMotion, q: Coordinates, basis: Array) -
     state = equations.kinematics(equations.loops.displaced(repeated, stepped(0.0 * step, step)), 0.0 * step)
     forces, terms = equations.smooth_forces(state)
     reaction, sizes = np.zeros((2, equations.loops.tree.count, n * dof))
-    if equations.loops.rows:
+    if equations.loops.rows and dof:
         multipliers = _multipliers(equations, at_rest, force)
         bending = equations.loops.sparse(state.q, state.poses)[1]
         terms_of_rows = change_of(bending.values) * np.repeat(multipliers, dof, 0).T[bending.rows]

@@ -20,7 +20,7 @@ from mechsim.kinetics.curve_equilibria import EquilibriumCurve, curve_through, t
 from mechsim.kinetics.dynamic_run import Initial
 from mechsim.kinetics.linearization import independent_rates, reduced_forces
 from mechsim.kinetics.state_quantities import load_displacement, values_at
-from mechsim.kinetics.statics import prepared_equations
+from mechsim.kinetics.statics import prepared_equations, pulls_under
 from mechsim.mechanism.forces import Forces
 from mechsim.mechanism.quantity import Quantity
 from mechsim.numerics.arrays import Array, wrapped
@@ -32,6 +32,8 @@ POINTS = 8
 MIN_POINTS = 3
 # step of central differences of fourth order along the curve: truncation and rounding are both about 1e-13
 STEP = 1e-3
+# rise of a load between points, relative to the largest load, that is rounding of these differences
+ROUNDING = 1e-11
 # length along the curve below which points are equal
 POINT_TOLERANCE = 1e-9
 # derivative of the displacement, per radian or characteristic length, below which a load has no effect
@@ -48,6 +50,8 @@ class LoadCurve:
         q: joint coordinate -> its values, (n,) in [m] or [rad].
         stable: whether the balance is stable under a constant load, (n,).
         limit_points: load and displacement of each limit point, (k, 2), in the order of the curve.
+        pulling: whether a contact would have to pull there, or a rope to push, (n,); no limit point is listed
+            there.
     """
 
     load: Array
@@ -55,6 +59,7 @@ class LoadCurve:
     q: Mapping[str, Array]
     stable: NDArray[np.bool_]
     limit_points: Array
+    pulling: NDArray[np.bool_]
 
 
 def load_curve(
@@ -123,11 +128,14 @@ def load_curve(
             f"{between[1]:.6g}; give a wider interval"
         )
     q, values, signs = curve.q.select(rows), values[rows], np.sign(derivatives[rows])
+    pulling = np.array([pulls_under(equations, q.select(np.array([k])), quantity) for k in range(len(q))])
     # where the displacement turns back, the load has a pole, which is no limit point
     joined = signs[1:] == signs[:-1]
     rise = np.where(joined, np.diff(values), 0.0)
+    rise[np.abs(rise) <= ROUNDING * np.abs(values).max()] = 0.0
     rising = (np.append(0.0, rise) + np.append(rise, 0.0)) * signs > 0.0
-    turns = 1 + np.flatnonzero(((rise[1:] > 0.0) != (rise[:-1] > 0.0)) & joined[1:] & joined[:-1])
+    peaks = ((rise[1:] > 0.0) != (rise[:-1] > 0.0)) & joined[1:] & joined[:-1]
+    turns = 1 + np.flatnonzero(peaks & ((rise[1:] != 0.0) | (rise[:-1] != 0.0)) & ~pulling[1:-1])
     limits = [(*_limit_point(curve, quantity, int(rows[k])),) for k in turns]
     nearest = displacement[rows][turns]
     limit_points = np.reshape(limits, (-1, 2))
@@ -135,7 +143,7 @@ def load_curve(
         # the same revolution as that of the curve
         limit_points[:, 1] = nearest + wrapped(limit_points[:, 1] - nearest)
     coordinates = {joint: q.values[i] for joint, i in equations.loops.tree.index_of.items()}
-    return LoadCurve(values, displacement[rows], coordinates, rising, limit_points)
+    return LoadCurve(values, displacement[rows], coordinates, rising & ~pulling, limit_points, pulling)
 
 
 def _dense(curve: EquilibriumCurve) -> tuple[EquilibriumCurve, int]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from itertools import combinations, islice
 from typing import Any
 
@@ -23,16 +24,17 @@ from mechsim.kinetics.curve_equilibria import (
 from mechsim.kinetics.dynamic_run import Initial, initial_values, require_regular
 from mechsim.kinetics.equations_of_motion import EquationsOfMotion, equations_of_motion
 from mechsim.kinetics.equilibrium_search import RestingState, all_at_rest, distinct, newton_equilibria, same
-from mechsim.kinetics.gaps import GAP, gap_of, with_gaps
+from mechsim.kinetics.gaps import GAP, gap_of, gaps_of, with_gaps
 from mechsim.kinetics.initial_state import initial_state, projected
 from mechsim.kinetics.linearization import (
     LinearModel,
     Mode,
+    gradient,
     independent_rates,
     linear_model,
     reduced_forces,
 )
-from mechsim.kinetics.model import DynamicModel, dynamic_model
+from mechsim.kinetics.model import REPEATED, DynamicModel, dynamic_model
 from mechsim.kinetics.passive_rotation import with_determined_motion
 from mechsim.kinetics.state_quantities import (
     change_from,
@@ -45,6 +47,7 @@ from mechsim.mechanism.forces import Forces
 from mechsim.mechanism.joints import Coupling
 from mechsim.mechanism.limits import Ranges, require_count
 from mechsim.mechanism.mechanism import Mechanism
+from mechsim.mechanism.quantity import Quantity
 from mechsim.numerics.arrays import EPS, REVOLUTION, Array, wrapped
 from mechsim.numerics.newton import root
 
@@ -93,6 +96,7 @@ class Equilibrium:
             it are not linear, and it is neither stable nor unstable by its linear model.
         stops: coordinate at a limit -> force of its stop on it, in [N m] or [N], which is part of the linear
             model; empty for an equilibrium without a stop. Modes leave these coordinates at rest.
+        contacts: closed contact or taut rope -> force with which it pushes or pulls, in [N m] or [N].
         open: contacts that have lifted off, and slack ropes.
     """
 
@@ -106,6 +110,7 @@ class Equilibrium:
     everywhere: bool = False
     singular: bool = False
     stops: Mapping[str, float] = field(default_factory=dict[str, float])
+    contacts: Mapping[str, float] = field(default_factory=dict[str, float])
     open: tuple[str, ...] = ()
 
 
@@ -191,7 +196,7 @@ def _with_open(
         gaps = [(-1 if row.coupling.rope else 1) * row.evaluate(each.linear.q.values)[0][0] for row in rows]
         names = [gap_of(model.mechanism, row.coupling).removesuffix(GAP) for row in rows]
         overlapping = {name for name, gap in zip(names, gaps, strict=True) if gap <= CLOSED_GAP}
-        yield each, overlapping.union(_pulling(each.linear.equations, each.linear.q))
+        yield each, overlapping.union(_pulling(each.contacts))
 
 
 def _with_closed_contacts(
@@ -208,7 +213,7 @@ def _with_closed_contacts(
     if solutions is None:
         require_regular(equations.kinematics(initial_q, np.zeros_like(initial_q.values)))
         dof = independent_rates(equations, initial_q).shape[1]
-        return [_described(equations, RestingState(initial_q, True, dof, False), everywhere=True)]
+        return [_described(equations, RestingState(initial_q, True, dof, False), everywhere=dof > 0)]
     described = [_described(equations, each) for each in distinct(equations, solutions)]
     if ranges and independent_rates(equations, initial_q).shape[1] == 1:
         described += _at_stops(model, equations, initial_q, ranges)
@@ -223,23 +228,51 @@ def _one_sided_laws(mechanism: Mechanism) -> dict[str, Coupling]:
     return {gap.removesuffix(GAP): law for gap, law in gaps.items() if gap and not law.backlash}
 
 
-def _pushes(equilibrium: Equilibrium) -> bool:
-    """Whether contacts push, and ropes pull, that are closed and taut at an equilibrium."""
-    return not _pulling(equilibrium.linear.equations, equilibrium.linear.q)
+def _pulling(contacts: Mapping[str, float]) -> list[str]:
+    """Return the closed contacts, with their forces, that would have to pull, and the ropes to push."""
+    largest = max(map(abs, contacts.values()), default=0.0)
+    return [name for name, force in contacts.items() if force < -NO_TENSION * largest]
 
 
-def _pulling(equations: EquationsOfMotion, q: Coordinates, drivers: Sequence[str] = ()) -> list[str]:
-    """Return the contacts that would have to pull, and the ropes to push, to hold a configuration."""
-    mechanism, index_of = equations.model.mechanism, equations.loops.tree.index_of
-    gaps = [name + GAP for name in _one_sided_laws(mechanism)]
-    if not gaps:
-        return []
-    opening = equations_of_motion(replace(equations.model, mechanism=with_gaps(mechanism)), {})
-    names = opening.loops.tree.index_of
+def _contact_forces(
+    equations: EquationsOfMotion, q: Coordinates, drivers: Sequence[str] = ()
+) -> dict[str, float]:
+    """Return the forces of closed contacts and taut ropes that, with drivers, hold a configuration."""
+    gaps = {name: name + GAP for name in _one_sided_laws(equations.model.mechanism)}
+    forces = _holding_forces(*_opened(equations, q), [*gaps.values(), *drivers]) if gaps else {}
+    return {name: forces[gap] for name, gap in gaps.items()}
+
+
+@lru_cache(maxsize=REPEATED)
+def _opening(model: DynamicModel) -> DynamicModel:
+    return replace(model, mechanism=with_gaps(model.mechanism))
+
+
+def _opened(equations: EquationsOfMotion, q: Coordinates) -> tuple[EquationsOfMotion, Coordinates]:
+    """Return equations with the gaps of contacts and ropes as coordinates, and a configuration of both."""
+    index_of, opened = equations.loops.tree.index_of, equations_of_motion(_opening(equations.model), {})
+    names = opened.loops.tree.index_of
     values = [q.values[index_of[name]] if name in index_of else np.zeros(1) for name in names]
-    forces = _holding_forces(opening, Coordinates(np.array(values), q.turns), [*gaps, *drivers])
-    largest = max(abs(forces[gap]) for gap in gaps)
-    return [gap.removesuffix(GAP) for gap in gaps if forces[gap] < -NO_TENSION * largest]
+    return opened, Coordinates(np.array(values), q.turns)
+
+
+def pulls_under(equations: EquationsOfMotion, q: Coordinates, load: Quantity) -> bool:
+    """Whether a contact would have to pull, or a rope to push, where a load balances one degree of freedom.
+
+    N' Q + (N' d) f + (N' g) F = 0 along the independent rates N of the opened mechanism, with the gradients
+    of the load's displacement d and of the gaps g.
+    """
+    gaps = [name + GAP for name in _one_sided_laws(equations.model.mechanism)]
+    if not gaps:
+        return False
+    opened, q = _opened(equations, q)
+    basis, index_of = independent_rates(opened, q), opened.loops.tree.index_of
+    rows = [np.searchsorted(opened.free, index_of[gap]) for gap in gaps]
+    displacement = change_from(opened, opened.kinematics(q), load)
+    along = np.vstack([gradient(opened, q, basis, displacement), basis[rows]])
+    balance = reduced_forces(opened, q, basis[None]).force[0]
+    forces = np.linalg.lstsq(along.T, -balance, rcond=None)[0][1:]
+    return bool(_pulling(dict(zip(gaps, forces.tolist(), strict=True))))
 
 
 def _beyond(model: DynamicModel, q: Mapping[str, float], ranges: Ranges) -> dict[str, float]:
@@ -417,7 +450,10 @@ def _searched(
 
     Curves of one degree of freedom end at the limits of `ranges`.
     """
-    on_curve = starts > 0 and independent_rates(equations, q).shape[1] == 1
+    dof = independent_rates(equations, q).shape[1]
+    if not dof:
+        return None
+    on_curve = starts > 0 and dof == 1
     # the curve leads through all steps: they only show whether everything is at rest
     alone = on_curve and equations.loops.rows and not assemblies and not all_at_rest(equations, q)
     starting = [*_starts(equations, q, 0 if alone else starts, assemblies, random)]
@@ -498,7 +534,7 @@ def nearest_equilibrium(
         nearest = _described(equations, distinct(equations, [(solution, True)])[0])
         requested = initial or nearest.stable is not False or same(equations, q, solution)
         within = not _beyond(equations.model, nearest.q, getattr(equations.model.solver, "ranges", {}))
-        if requested and within and _pushes(nearest):
+        if requested and within and not _pulling(nearest.contacts):
             return nearest
     searched = () if initial and within else equilibria(source, forces, initial=initial)
     stable = [each for each in searched if each.stable]
@@ -584,7 +620,7 @@ def holding(
             f"{equations.model.mechanism.name}: no force in {', '.join(drivers)} holds the initial "
             "configuration, a dead centre; give another one"
         )
-    if pulling := _pulling(equations, q, drivers):
+    if pulling := _pulling(_contact_forces(equations, q, drivers)):
         raise InputError(
             f"{equations.model.mechanism.name}: nothing holds the initial configuration, where "
             f"{', '.join(pulling)} would have to pull as a contact, or to push as a rope; give another one"
@@ -611,6 +647,7 @@ def holding_range(
 
     Raises:
         FrictionError: if friction at rest is undetermined.
+        InputError: where a contact would have to pull, or a rope to push, in impending motion.
     """
     model: DynamicModel = source if isinstance(source, DynamicModel) else dynamic_model(source, forces)
     drivers, frictions = model.mechanism.drivers, model.forces.friction
@@ -618,21 +655,35 @@ def holding_range(
         return {}
     (driver,) = drivers
     at_rest = tuple(friction.at_rest for friction in frictions)
-    model = model.with_forces(replace(model.forces, friction=at_rest))
+    opened, gaps = with_gaps(model.mechanism), [name + GAP for name in _one_sided_laws(model.mechanism)]
+    still = {f"{gap}.{letter}": 0.0 for gap in gaps_of(opened) for letter in "qv"}
+    model = replace(model, mechanism=opened).with_forces(replace(model.forces, friction=at_rest))
     limits: list[float] = []
     for sign in (-1.0, 1.0):
-        values = initial_values(model, {**(initial or {}), f"{driver}.v": sign * IMPENDING})
+        values = initial_values(model, {**(initial or {}), **still, f"{driver}.v": sign * IMPENDING})
         equations = equations_of_motion(model, {**values.coordinates, driver: 0.0})
         q, rates = initial_state(equations, values)
         state = with_determined_motion(equations.kinematics(q, rates))
-        equations, index = state.equations, state.equations.loops.tree.index_of[driver]
+        equations, index_of = state.equations, state.equations.loops.tree.index_of
+        index = index_of[driver]
         sliding = np.sign(equations.friction_rates(state)[:, 0])
         try:
-            force = float(equations.accelerate(state, np.zeros(1), sliding, (), [index]).contact[0, 0])
+            closed = [index, *(index_of[gap] for gap in gaps_of(opened))]
+            force, *contacts = (
+                equations.accelerate(state, np.zeros(1), sliding, (), closed).contact[:, 0].tolist()
+            )
         except FrictionError as error:
             if error.outcome != "jammed":
                 raise
             force = sign * np.inf * equations.loops.units[index]
+            contacts = []
+        acting = dict(zip(gaps_of(opened), contacts, strict=False))
+        if pulling := _pulling({gap.removesuffix(GAP): acting[gap] for gap in gaps if acting}):
+            raise InputError(
+                f"{model.mechanism.name}: where motion of {driver} is impending, {', '.join(pulling)} would "
+                "have to pull as a contact, or to push as a rope, so that the range does not end there; give "
+                "another configuration"
+            )
         limits.append(float(force / equations.loops.units[index]))
     return {driver: (limits[0], limits[1])}
 
@@ -656,6 +707,9 @@ def prepared_equations(
     limited = dict.fromkeys(getattr(model.solver, "ranges", {}), 0.0)
     equations = equations_of_motion(model, {**limited, **values.coordinates})
     q, rates = initial_state(equations, values)
+    if _one_sided_laws(model.mechanism) and not independent_rates(equations, q).size:
+        # only contacts and ropes hold it
+        return equations, q
     return with_determined_motion(equations.kinematics(q, rates)).equations, q
 
 
@@ -675,6 +729,7 @@ def _described(equations: EquationsOfMotion, state: RestingState, everywhere: bo
         dimension=state.dimension,
         everywhere=everywhere,
         singular=state.singular,
+        contacts=_contact_forces(equations, state.q),
     )
 
 

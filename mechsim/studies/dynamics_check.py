@@ -436,9 +436,12 @@ def crosscheck_equilibrium(equilibrium: Equilibrium, model: DynamicModel) -> Ver
     index_of = linear.equations.loops.tree.index_of
     coordinates = {name: float(linear.q.values[i, 0]) for name, i in index_of.items()}
     at_rest = linear.equations.kinematics(linear.q, np.zeros((len(linear.q.values), 1)))
-    links = motion_of(linear.equations, at_rest, at_rest.rates, np.zeros(1)).links
+    motion = motion_of(linear.equations, at_rest, at_rest.rates, np.zeros(1))
+    others = {name: float(joint.value[0]) for name, joint in motion.joints.items() if name not in index_of}
     try:
-        state = _static_model(model, tuple(equilibrium.stops.items())).state(coordinates, links)
+        state = _static_model(model, tuple(equilibrium.stops.items())).state(
+            coordinates, motion.links, others
+        )
     except AssemblyError as error:
         return Verdict("cannot assemble", (), str(error))
     exact = linear.roots.values

@@ -80,21 +80,26 @@ class StaticModel:
 
     @quiet()
     def state(
-        self, coordinates: Mapping[str, float], links: Mapping[str, LinkMotion] = NO_LINKS
+        self,
+        coordinates: Mapping[str, float],
+        links: Mapping[str, LinkMotion] = NO_LINKS,
+        others: Mapping[str, float] | None = None,
     ) -> StaticState:
         """Return MuJoCo's accelerations from rest and the eigenvalues of small motions, by differences.
 
         Args:
             coordinates: of all joints with one degree of freedom, in [m] or [rad], not wrapped.
             links: link -> its motion, whose first instant gives the rotations of spherical joints.
+            others: coordinates from which those move that are not determined, such as MuJoCo's own in loops.
 
         Raises:
             AssemblyError: if MuJoCo's loops do not close at these coordinates.
         """
         model, loops = self.model, self.model.loops
-        values = without_cuts(model, coordinates)
+        values, start = without_cuts(model, coordinates), without_cuts(model, others or {})
         qpos = model.qpos.copy()
         set_rotations(model.model, qpos, links)
+        qpos[dofs_of(model, start)[0]] = [*start.values()]
         qpos = closed_near(model, loops, qpos, *dofs_of(model, values), np.array([*values.values()]))
         jacobian = loops.linearise(qpos[None])[1][0] * loops.scale[:, None] * loops.units
         basis = null_space(jacobian).T if len(jacobian) else np.eye(model.model.nv)
