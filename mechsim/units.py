@@ -191,6 +191,14 @@ def parse_length(text: str, name: str = "the length") -> float:
     return parse(text, "m", name)
 
 
+def parse_tolerance(text: str) -> float:
+    """Return a tolerance of positions in [m]; one of 1 or more needs its unit."""
+    value = parse_length(text, "the tolerance")
+    if value >= 1.0 and not unit_in(text):
+        raise InputError(f"the tolerance {text} is in m; write {text}um, or {text}m if that is meant")
+    return value
+
+
 def parse_angle(text: str, name: str = "the angle") -> float:
     """Return an angle in [rad]."""
     return parse(text, "rad", name)
@@ -360,9 +368,11 @@ def _in_si(number: float, factor: float) -> float:
 
 
 def _read(texts: list[str], unit: Unit, text: str, name: str) -> tuple[list[float], list[float]]:
-    """Return the numbers as written and their factors to SI; the last unit applies to numbers without one."""
+    """Return the numbers as written and their factors to SI; the last unit applies to those without one."""
     pairs = [_split(piece, unit, text, name) for piece in texts]
-    last = pairs[-1][1]
+    last, stated = pairs[-1][1], next((own for _, own in pairs if own), "")
+    if stated and not last and any(number for number, own in pairs if not own):
+        raise InputError(f"{name}: {text!r} has units, but not at its last number; write {text}{stated}")
     return [number for number, _ in pairs], [_factor(own or last, unit, text, name) for _, own in pairs]
 
 

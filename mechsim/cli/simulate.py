@@ -27,7 +27,7 @@ from mechsim.mechanism.scene import Scene
 from mechsim.simulation.run import Run
 from mechsim.simulation.settings import SettingOptions, Settings, plain_settings
 from mechsim.studies.motions import driven_as
-from mechsim.units import crank_speed, option, parse_length, parse_time
+from mechsim.units import crank_speed, option, parse_time, parse_tolerance
 
 # options without an effect on a file that is stepped under controls
 WITHOUT_CONTROLS = ("change_point", "sets", "poses", "method", "drive_inertia")
@@ -67,7 +67,7 @@ class RunOptions:
     @property
     def tolerance_in_metres(self) -> float | None:
         """The tolerance in [m]."""
-        return None if self.tolerance is None else parse_length(self.tolerance, "the tolerance")
+        return None if self.tolerance is None else parse_tolerance(self.tolerance)
 
     def __post_init__(self) -> None:
         if self.samples is not None and self.samples < 2:

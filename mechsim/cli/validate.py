@@ -69,7 +69,7 @@ class ValidateOptions:
         """The tolerance in [m]; None if there is none."""
         if self.tolerance is None:
             return None
-        tolerance = units.parse_length(self.tolerance, "the tolerance")
+        tolerance = units.parse_tolerance(self.tolerance)
         if not 0.0 < tolerance < math.inf:
             raise InputError(f"--tolerance is {self.tolerance}; give a length above 0, as in 1um")
         return tolerance

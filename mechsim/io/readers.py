@@ -142,7 +142,11 @@ def load(
     """
     options = {"drive": drive, "lock": lock, "start": start, "fix_base": fix_base, "key": key, "track": track}
     more = {"lock_others": lock_others, "duration": duration, "still": still, "loops": loops}
-    return prescribed_solver(open_model(model), set or {}, _prescription(options | more), assembled=True)
+    source, changed, prescription = open_model(model), dict(set or {}), _prescription(options | more)
+    solver = prescribed_solver(source, changed, prescription, assembled=True)
+    if solver.parameters and solver.closed_form is None and not isinstance(source, GivenObject):
+        object.__setattr__(solver, "loaded_from", (source, changed, prescription))
+    return solver
 
 
 def load_by_motors(
@@ -205,6 +209,9 @@ def parametric_model(
     """
     changed, prescription = dict(set or {}), _prescription(options)
     source = open_model(model)
+    if isinstance(source, GivenObject) and not set and not options:
+        loaded = getattr(source.model, "loaded_from", None)
+        source, changed, prescription = loaded or (source, changed, prescription)
     # an object keeps its own guess
     own = isinstance(source, GivenObject)
     guess = {} if own else written_guess(source)

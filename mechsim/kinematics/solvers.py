@@ -66,6 +66,8 @@ class KinematicSolver:
         corrected: largest corrections of joints of its file in [m] and [rad] that let the loops close.
         closed_form: formulas that give the motion, and a start in the assembly mode that the parameters
             select; None for a mechanism that is followed from a start by its loop equations.
+        loaded_from: source, changed parameters and prescription from which `load` made it; None for one that
+            was changed since.
     """
 
     described: Mechanism
@@ -85,6 +87,7 @@ class KinematicSolver:
     source: Any = None
     corrected: tuple[float, float] = (0.0, 0.0)
     closed_form: ClosedForm | None = field(default=None, compare=False)
+    loaded_from: Any = field(default=None, init=False, compare=False, repr=False)
 
     __repr__ = short_repr
 

@@ -27,7 +27,9 @@ MAX_TEXT = 60
 
 def short_repr(self: Any) -> str:
     """Return the fields of a record that differ from their defaults; used as `__repr__` of dataclasses."""
-    shown = [f"{f.name}={_short(getattr(self, f.name))}" for f in fields(self) if not _default(f, self)]
+    shown = [
+        f"{f.name}={_short(getattr(self, f.name))}" for f in fields(self) if f.repr and not _default(f, self)
+    ]
     whole = f"{type(self).__name__}({', '.join(shown)})"
     return "\n".join(textwrap.wrap(whole, WIDTH, subsequent_indent="  ", break_long_words=False))
 

@@ -51,7 +51,7 @@ def test_helpers_agree_with_the_parser():
 
 def test_the_last_unit_of_a_vector_applies_to_missing_ones():
     assert ms.units.parse_vector("43,-10,-24mm", "m") == (0.043, -0.01, -0.024)
-    assert ms.units.parse_vector("43 mm, 1 cm, 2", "m") == (0.043, 0.01, 2.0)
+    assert ms.units.parse_vector("43 mm, 1 cm, 2m", "m") == (0.043, 0.01, 2.0)
     assert ms.units.parse_vector("0.5", "m") == (0.5,)
 
 

@@ -15,7 +15,7 @@ from mechsim.simulation.plain_settings import UNCHANGED, PlainSettings
 from mechsim.simulation.poses.equations import ModelStates
 from mechsim.studies.scene.run import RECORDS, SceneRun, run_scene
 from mechsim.studies.scene.scene import UserScene
-from mechsim.units import Unit, si
+from mechsim.units import Unit, parse_tolerance, si
 
 By = Literal["closure", "trajectory", "torque"]
 MEASURES: dict[By, str] = {
@@ -55,6 +55,8 @@ def tolerance_in_si(value: float | str, by: str, measures: Iterable[str]) -> flo
     """Return a tolerance by one of some measures in SI; raise InputError for an invalid one."""
     if by not in measures:
         raise InputError(f"there is no error by {by!r}; choose from {', '.join(measures)}")
+    if isinstance(value, str) and UNITS[by] == "m":
+        value = parse_tolerance(value)
     tolerance = si(value, UNITS[by], "the tolerance")
     if not 0.0 < tolerance < np.inf:
         raise InputError(f"the tolerance is {value}; give a finite value above 0")

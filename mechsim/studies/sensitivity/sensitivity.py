@@ -19,6 +19,7 @@ from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.mechanism.forces import Forces
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.motion import short_repr
+from mechsim.mechanism.quantity import AXES
 from mechsim.numerics.arrays import Array, numbers
 from mechsim.studies.sensitivity.moved_family import (
     MovedFamily,
@@ -111,9 +112,7 @@ def dimension_names(moved: MovedFamily, to: str | Sequence[str]) -> list[str]:
         return list(moved.designs.usual or dimensions)
     names: dict[str, None] = {}
     for name in (to,) if isinstance(to, str) else to:
-        components = [
-            dimension for dimension in dimensions if dimension == name or dimension.startswith(f"{name}.")
-        ]
+        components = [f"{name}.{axis}" for axis in AXES if f"{name}.{axis}" in dimensions]
         if name not in dimensions and not components:
             shown = moved.designs.usual or dimensions
             raise InputError(f"{moved.designs.name} has no dimension {name!r}{suggestion(name, shown)}")

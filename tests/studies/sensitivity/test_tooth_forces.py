@@ -31,6 +31,6 @@ def test_derivatives_of_tooth_forces_equal_finite_differences(name, value, unit)
 
 
 def test_the_separating_force_of_a_rack_follows_the_pressure_angle():
-    result = ms.sensitivity(FILE, ["rack.fy"], ["pressure"], angles=ANGLES, speed=30.0)
+    result = ms.sensitivity(ms.load(FILE), ["rack.fy"], ["pressure"], angles=ANGLES, speed=30.0)
     expected = 20.0 / np.cos(np.deg2rad(20.0)) ** 2
     np.testing.assert_allclose(np.abs(result.by["pressure"]["rack.fy"]), expected, rtol=1e-12)

@@ -43,7 +43,8 @@ def test_invalid_designs_report_a_reason_and_do_not_end_the_sweep():
 
 @pytest.mark.long
 def test_a_gallery_model_is_measured_by_its_loop_equations():
-    result = ms.sweep("watt_six_bar", {"crank": [0.02, 0.025, 0.3]}, ["range:output", "at:90deg:D.x"])
+    cranks = {"crank": [0.02, 0.025, 0.3]}
+    result = ms.sweep(ms.load("watt_six_bar"), cranks, ["range:output", "at:90deg:D.x"])
     assert result["outcome"].values.tolist() == ["passed", "passed", "cannot assemble"]
     single = ms.load("watt_six_bar", {"crank": 0.02})
     expected = np.ptp(single.solve(ANGLES).joints["output"].value)
