@@ -11,12 +11,10 @@ import numpy as np
 
 from mechsim.compare.quantities import QUANTITIES, ComparedQuantity
 from mechsim.compare.tolerances import (
-    FRACTION_OF,
     InstantUnit,
     RecordInstants,
     Requested,
     Tolerance,
-    ToleranceRule,
     instant_text,
     instants_of,
 )
@@ -165,25 +163,13 @@ def check_table(checks: Sequence[Check]) -> tuple[tuple[str, ...], list[tuple[st
 
 
 def tolerances_of(
-    rows: Iterable[ComparedQuantity],
-    method: str,
-    scales: Mapping[str, float],
-    requested: Requested,
-    replacements: Tolerances | None = None,
+    rows: Iterable[ComparedQuantity], method: str, scales: Mapping[str, float], requested: Requested
 ) -> dict[str, Tolerance]:
-    """Return the tolerances of quantities for a method, or their replacements."""
-    tolerances: dict[str, Tolerance] = {}
-    for row in rows:
-        own = None if replacements is None else replacements.get(row.name)
-        if own is not None and own.unit == "1" != row.unit:
-            relative = ToleranceRule(FRACTION_OF + own.reason, own.value)
-            tolerances[row.name] = relative.tolerance(row.unit, scales[row.scale], Requested())
-        elif own is not None:
-            tolerances[row.name] = own
-        elif method in row.bounds:
-            rule = row.bounds[method]
-            tolerances[row.name] = rule.tolerance(row.unit, scales[rule.scale or row.scale], requested)
-    return tolerances
+    """Return the tolerances of quantities for a method; of those that it has none, nothing."""
+    rules = [(row, row.bounds[method]) for row in rows if method in row.bounds]
+    return {
+        row.name: rule.tolerance(row.unit, scales[rule.scale or row.scale], requested) for row, rule in rules
+    }
 
 
 def checks_of(

@@ -140,7 +140,6 @@ def crosscheck_forces(
     exact: ForceRecord,
     *,
     method: Literal["pose", "step"],
-    bounds: Tolerances | None = None,
     conditioning: Array | None = None,
 ) -> Verdict:
     """Compare the forces of a run under prescribed motion with the exact forces at the same states.
@@ -149,8 +148,6 @@ def crosscheck_forces(
         computed: the record to check.
         exact: the reference record.
         method: method of the computed record: "pose" or "step".
-        bounds: tolerances that replace those of `FORCES`, by name; fractions of the scale if their unit is
-            "1".
         conditioning: conditioning of the loops at each instant, (n,), which widens tolerances; None if
             unknown.
 
@@ -160,7 +157,7 @@ def crosscheck_forces(
         rigid links do not determine are left out, and so are forces at instants where a joint with Coulomb
         friction stands still, and the torque if the crank does.
     """
-    allowed = tolerances_of(FORCES, method, force_scales(exact), Requested(), bounds)
+    allowed = tolerances_of(FORCES, method, force_scales(exact), Requested())
     return concluded(checks_of(FORCES, computed, exact, allowed, conditioning))
 
 

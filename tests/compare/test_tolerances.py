@@ -120,19 +120,10 @@ def test_a_verdict_prints_its_checks_with_their_relation(error, relation):
     assert check.fraction_of_tolerance == (None if np.isnan(error) else 2.0 * error)
 
 
-def test_explicit_tolerances_have_a_unit_or_are_relative():
+def test_a_method_has_the_tolerances_of_its_own_quantities():
     rows = [QUANTITIES[name] for name in ("position", "acceleration", "accelerations under these forces")]
     scales = {**motion_scales(0.5, 2.0, 0.8), "1": 1.0}
-    explicit = {
-        row.name: Tolerance(0.1, unit, "own") for row, unit in zip(rows, ("m", "1", "1"), strict=True)
-    }
-    result = tolerances_of(rows, "pose", scales, Requested(), explicit)
-    assert result["position"].value == 0.1
-    assert result["acceleration"].value == pytest.approx(0.1 * 0.5 * 4.0)
-    assert result["acceleration"].unit == "m/s2"
-    assert result["accelerations under these forces"].value == 0.1
     assert set(tolerances_of(rows, "closed form", scales, Requested())) == {"acceleration"}
-    assert set(tolerances_of(rows, "closed form", scales, Requested(), {})) == {"acceleration"}
 
 
 def test_a_tolerance_can_have_its_own_scale():

@@ -234,17 +234,15 @@ class LoadedModel(ClosedModel):
             return joint.a.link, joint.b.link
         return (stands, GROUND) if joint.b.link == GROUND else (joint.a.link, stands)
 
-    def looking(self, *, constrained: bool = False, native: bool = True) -> mujoco.MjModel:
-        """Return a model for evaluation.
+    def looking(self, *, native: bool = True) -> mujoco.MjModel:
+        """Return a model for evaluation, in which no constraint of MuJoCo closes the loops.
 
         Args:
-            constrained: whether MuJoCo closes the loops by its constraints.
             native: whether tendons and actuators act in the model; otherwise the caller applies wrenches.
         """
         model = copy.copy(self.model)
         self.prepare(model)
-        if not constrained:
-            model.opt.disableflags |= int(OFF.mjDSBL_CONSTRAINT)
+        model.opt.disableflags |= int(OFF.mjDSBL_CONSTRAINT)
         if not native:
             model.opt.disableflags |= int(OFF.mjDSBL_ACTUATION)
             model.tendon_stiffness[:] = model.tendon_damping[:] = 0.0
