@@ -125,7 +125,8 @@ def library() -> ctypes.CDLL:
         MissingToolError: if there is no C compiler.
         OutputError: if the cache is not writable.
     """
-    return loaded_library("forward_dynamics", c_sources())
+    # a sixth faster than by -O2, with the same results
+    return loaded_library("forward_dynamics", c_sources(), None, "-O3")
 
 
 @lru_cache(maxsize=REPEATED)

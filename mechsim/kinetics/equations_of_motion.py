@@ -596,6 +596,8 @@ def _rubbing(limits: Array, sliding: Array, directions: Array, force: Array) -> 
 
 def with_locked_rows(equations: EquationsOfMotion, jacobian: Array, indices: Sequence[int]) -> Array:
     """Return a constraint Jacobian (n, rows, free) with additional rows that lock coordinates of the tree."""
+    if not len(indices):
+        return jacobian
     rows = np.eye(equations.loops.tree.count)[list(indices)][:, equations.free]
     return np.concatenate([jacobian, np.broadcast_to(rows, (len(jacobian), *rows.shape))], 1)
 

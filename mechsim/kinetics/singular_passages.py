@@ -50,7 +50,7 @@ def singular_passages(
 
     def participation(times: Array) -> Array:
         jacobian = constraint_jacobians(equations, coordinates_at(times))
-        regular = jacobian.transpose(0, 2, 1) @ jacobian + SMALL * np.eye(len(equations.free))
+        regular = np.einsum("nri,nrj->nij", jacobian, jacobian) + SMALL * np.eye(len(equations.free))
         squares = SMALL * chosen.T @ np.linalg.solve(regular, chosen)
         least = np.linalg.eigvalsh(squares)[:, omitted] if len(rows) > 1 else squares[:, 0, 0]
         return np.sqrt(np.maximum(least, 0.0))

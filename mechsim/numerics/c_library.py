@@ -44,11 +44,12 @@ def cache_folder() -> Path:
     return Path(base).expanduser() / "mechsim" / "compiled"
 
 
-def shared_library(name: str, text: str, headers: Path | None = None) -> Path:
+def shared_library(name: str, text: str, headers: Path | None = None, *options: str) -> Path:
     """Return the shared library of a C text, from the cache or newly compiled.
 
     Its name states the text, the compiler and the machine; the digest next to it its content, so that a
-    damaged file is compiled again. `headers` is a folder of headers whose release the text names.
+    damaged file is compiled again. `headers` is a folder of headers whose release the text names; `options`
+    are further ones of the compiler.
 
     Raises:
         MissingToolError: if there is no C compiler, or it fails.
@@ -56,7 +57,7 @@ def shared_library(name: str, text: str, headers: Path | None = None) -> Path:
     """
     command = compiler()
     status = os.stat(os.path.realpath(command))
-    flags = FLAGS if headers is None else (*FLAGS, f"-I{headers}")
+    flags = (*FLAGS, *options) if headers is None else (*FLAGS, *options, f"-I{headers}")
     inputs = text, command, str(status.st_mtime_ns), str(status.st_size), platform.machine(), *flags
     key = hashlib.sha256("\0".join(inputs).encode()).hexdigest()[:24]
     path = cache_folder() / f"{name[:60]}-{key}.so"
@@ -113,24 +114,24 @@ def _run_compiler(command: str, arguments: list[str]) -> None:
 
 
 @cache
-def library_or_error(name: str, text: str, headers: Path | None) -> ctypes.CDLL | MechsimError:
+def library_or_error(name: str, text: str, headers: Path | None, *options: str) -> ctypes.CDLL | MechsimError:
     """Return the loaded shared library of a C text, or the reason why there is none."""
     try:
-        return ctypes.CDLL(str(shared_library(name, text, headers)))
+        return ctypes.CDLL(str(shared_library(name, text, headers, *options)))
     except (MissingToolError, OutputError) as error:  # first, as OutputError is an OSError too
         return error
     except OSError as error:
         return MissingToolError(f"compiled code cannot be loaded: {error}; set CC to another compiler")
 
 
-def loaded_library(name: str, text: str, headers: Path | None = None) -> ctypes.CDLL:
+def loaded_library(name: str, text: str, headers: Path | None = None, *options: str) -> ctypes.CDLL:
     """Return the loaded shared library of a C text, as `shared_library`; a compiler that fails is tried once.
 
     Raises:
         MissingToolError: if there is no C compiler, or the system does not load what it makes.
         OutputError: if the folder is not writable.
     """
-    result = library_or_error(name, text, headers)
+    result = library_or_error(name, text, headers, *options)
     if isinstance(result, MechsimError):
         raise result
     return result

@@ -218,14 +218,16 @@ def nodes_between(low: float, high: float, count: int) -> tuple[Array, Array]:
 
 def interpolation_error(states: Array) -> Array:
     """Return the error at odd nodes of the polynomial through even nodes, for columns (k, w): (w,)."""
-    return np.abs(_odd_from_even(len(states)) @ states[::2] - states[1::2]).max(0)
+    return np.abs(error_matrix(len(states)) @ states).max(0)
 
 
 @cache
-def _odd_from_even(count: int) -> Array:
+def error_matrix(count: int) -> Array:
+    """Return the matrix of the errors at odd nodes of the polynomial through even nodes, (odd, count)."""
     nodes, half = nodes_between(0.0, 1.0, count)[0], nodes_between(0.0, 1.0, count // 2 + 1)
-    weights = half[1] / (nodes[1::2, None] - half[0])
-    return weights / weights.sum(1, keepdims=True)
+    weights, matrix = half[1] / (nodes[1::2, None] - half[0]), np.zeros((count // 2, count))
+    matrix[:, ::2], matrix[:, 1::2] = weights / weights.sum(1, keepdims=True), -np.eye(count // 2)
+    return matrix
 
 
 @cache

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from mechsim.errors import AssemblyError, InputError, SingularStartError
 from mechsim.numerics.arrays import REVOLUTION, ROUNDING, Array
-from mechsim.numerics.collocation import Piecewise, interpolation_error, nodes_between
+from mechsim.numerics.collocation import Piecewise, error_matrix, nodes_between
 from mechsim.numerics.loop_solver import (
     MIN_DETERMINANT_RATIO,
     MIN_SHARE_RATIO,
@@ -233,7 +233,7 @@ class ContinuationPath(PathStates[E, Q]):
     ) -> tuple[Segment[E, Q] | None, float]:
         """Return a segment through closed nodes, None if it is rejected, and the length to try next."""
         step, solver = segment.length, segment.solver
-        if closed.linearised.least_singular_value(ESTIMATE) < NEARLY_SINGULAR:
+        if closed.linearised.nearly_singular(NEARLY_SINGULAR, ESTIMATE):
             # otherwise nodes up to 1e-7 rad beyond a dead centre count as closed
             rounded = self.closed(solver, segment.nodes, closed.states)
             if rounded is None:
@@ -429,18 +429,16 @@ def even_change_point(log_determinant: Array) -> int | None:
         log_determinant: logarithm of the determinant's magnitude at the nodes, (k,).
     """
     roots = np.exp((log_determinant - log_determinant.max())[:, None] / PAIRS)
-    flipped = interpolation_error((_flips(len(roots)) * roots[..., None]).reshape(len(roots), -1))
-    for errors, limit in zip(flipped.reshape(len(PAIRS), -1), interpolation_error(roots), strict=True):
-        index = int(np.argmin(errors))
-        if errors[index] < MAX_ERROR_RATIO * limit:
-            return index
-    return None
+    errors = np.abs(_errors_with_flips(len(roots)) @ roots).max(1)
+    smooth = errors[:-1] < MAX_ERROR_RATIO * errors[-1]
+    return int(errors[:-1, smooth.any(0).argmax()].argmin()) if smooth.any() else None
 
 
 @cache
-def _flips(count: int) -> Array:
-    """Return the signs of nodes of which one or more at the end are flipped, (count, 1, count - 1)."""
-    return np.where(np.arange(count)[:, None, None] > np.arange(count - 1), -1.0, 1.0)
+def _errors_with_flips(count: int) -> Array:
+    """Return matrices of interpolation errors with the signs after each node flipped; the last with none."""
+    flips = np.where(np.arange(count) > np.arange(count)[:, None], -1.0, 1.0)
+    return error_matrix(count) * flips[:, None]
 
 
 def _shortest(path: ContinuationPath[E, Q], current: float) -> float:

@@ -210,11 +210,19 @@ class Linearised:
             return self.singular_values.min(1, initial=np.inf)
         return self.systems.smallest_singular_values(error)
 
-    def least_singular_value(self, error: float) -> float:
-        """Return the smallest singular value of all matrices; of bands that with the smallest determinant."""
-        if isinstance(self.systems, np.ndarray):
-            return float(self.smallest().min())
-        return self.systems.least_singular_value(error)
+    def nearly_singular(self, limit: float, error: float) -> bool:
+        """Whether a singular value is below a limit; of bands that of the matrix with the least determinant.
+
+        Those of whole matrices A (u, u) are at least |det A| ((u - 1) / |A|^2)^((u - 1) / 2) (Yu and Gu 1997,
+        Linear Algebra and its Applications 253).
+        """
+        if not isinstance(self.systems, np.ndarray):
+            return self.systems.least_singular_value(error) < limit
+        if (others := self.systems.shape[1] - 1) > 0:
+            squares = np.einsum("nij,nij->n", self.systems, self.systems)
+            if (self.determinant[1] + 0.5 * others * np.log(others / squares)).min() > np.log(limit):
+                return False
+        return float(self.smallest().min()) < limit
 
     @cached_property
     def signed_distance(self) -> Array:

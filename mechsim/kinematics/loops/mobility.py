@@ -13,7 +13,7 @@ from mechsim.kinematics.loops.start import all_closed, assembled, close_nearest,
 from mechsim.mechanism.joint_kinds import KINDS
 from mechsim.mechanism.links import GROUND, Pose
 from mechsim.mechanism.mechanism import Mechanism
-from mechsim.numerics.arrays import Array, scattered
+from mechsim.numerics.arrays import EPS, Array, scattered
 from mechsim.numerics.loop_solver import NEARBY, LoopSystem, loop_solver
 from mechsim.numerics.newton import NewtonSettings, newton
 from mechsim.numerics.rank import FLOOR, RANK_TOLERANCE, least_norm, null_space, rank, significant
@@ -29,7 +29,7 @@ SAMPLED_POSES = 5
 # number of generic poses at which the rank is compared with that at the start
 PROBES = 2
 # Gauss-Newton steps to a generic pose: inconsistent equations keep a residual, but steps vanish
-CONSISTENT = NewtonSettings(max_iterations=40, rounding=0.0, last_step=1e-12, max_step=0.3)
+CONSISTENT = NewtonSettings(40, 4.0 * EPS, rounding=0.0, last_step=1e-12, max_step=0.3)
 
 
 def generic_poses(
@@ -56,9 +56,10 @@ def generic_poses(
         )
     loops = replace(loops, driven=())
     q = nearest_consistent(loops, start, tolerance, floor)
+    jacobian = loops.linearise(q)[1]
     poses: list[Coordinates] = []
     for k in range(count):
-        basis = null_space(loops.linearise(q)[1][..., 0], tolerance, floor)
+        basis = null_space(jacobian[..., 0], tolerance, floor)
         step = basis.T @ scattered(len(basis), k + 1)
         longest = float(np.abs(step).max(initial=0.0))
         # from the end of a table only one direction leads to poses
@@ -66,8 +67,9 @@ def generic_poses(
             displaced = loops.displaced(q, (sign * step * SPACING / longest)[:, None])
             with np.errstate(all="ignore"):
                 nearby = nearest_consistent(loops, displaced, tolerance, floor)
-                if np.isfinite(loops.linearise(nearby)[0]).all():
-                    q = nearby
+                residual, moved, _ = loops.linearise(nearby)
+                if np.isfinite(residual).all():
+                    q, jacobian = nearby, moved
                     break
         poses.append(q)
     return poses

@@ -14,7 +14,7 @@ from mechsim.kinematics.vector_method.vectors import array_cross as cross
 from mechsim.mechanism.limits import require_travel
 from mechsim.mechanism.links import VIRTUAL_PREFIX
 from mechsim.mechanism.motion import LinkMotion, join, select_instants
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import EPS, Array
 from mechsim.numerics.continuation import ContinuationPath
 from mechsim.numerics.loop_solver import Linearised
 from mechsim.numerics.newton import NewtonSettings, newton, square_solution
@@ -47,7 +47,7 @@ class LoopPath(ContinuationPath[TreeLoops, Coordinates]):
 CHUNK = 1024
 CHUNK_BYTES = 4e7
 # Newton's method from an interpolated pose: a longer displacement could lead to another assembly
-FINAL = NewtonSettings(max_iterations=4, max_displacement=1e-3)
+FINAL = NewtonSettings(max_iterations=4, tolerance=4.0 * EPS, max_displacement=1e-3)
 # deviation of drivers from their path, in [rad] or characteristic lengths, above which they are moved there
 # in steps; the largest step; and Newton's method after a step
 MAX_DEVIATION, MAX_DRIVER_STEP = 1e-9, 0.02
