@@ -7,9 +7,8 @@ from mechsim.errors import InputError
 from mechsim.files import is_table
 from mechsim.io.law_text import LoadComponent, combine_components, parse_component
 from mechsim.io.toml_coordinates import leaves
+from mechsim.io.toml_elements import FileForces, linear_spring, motor_of, require_motor_keys, spring_of
 from mechsim.io.toml_links import end_of
-from mechsim.io.toml_motors import motor_of, require_motor_keys
-from mechsim.io.toml_springs import FileForces, linear_spring, spring_of
 from mechsim.io.toml_values import KeyPath, Values, dotted, shown, suggestion
 from mechsim.mechanism.actuators import Actuator
 from mechsim.mechanism.clearances import Clearance, hertz_stiffness

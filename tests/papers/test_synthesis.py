@@ -5,8 +5,7 @@ import pytest
 from mpmath import mp
 
 import mechsim as ms
-from mechsim.papers.coupler_line import best_circle, follow_curve, line, synthesize_looper
-from mechsim.papers.passage import dyad, passage
+from mechsim.papers.coupler_line import best_circle, dyad, follow_curve, line, passage, synthesize_looper
 
 # the line of docs/explanation/sources.md, from which the paper's linkage follows
 THROUGH, TILT, LENGTH = (12.8751e-3, 29.9574e-3), float(np.deg2rad(1.3905)), 4e-3
