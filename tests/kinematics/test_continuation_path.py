@@ -177,6 +177,8 @@ def test_a_path_beyond_a_dead_centre_is_rejected_with_a_remedy():
     path = driven_path(started_at(linkage.mechanism, linkage.solve([high - 5e-4])))
     with pytest.raises(ms.AssemblyError, match=r"cannot pass .*; stay on this side of the dead centre"):
         path.extend(high + 0.5)
+    # one segment leads to the dead centre
+    assert path.segments[1][-1].final
 
 
 def test_three_dyads_at_once_in_line_are_a_dead_centre():

@@ -46,12 +46,8 @@ def test_errors_are_at_most_those_of_rounded_inputs(name):
     assert condition[0] / condition[2] == pytest.approx(1e5, rel=0.5)
 
 
-def test_the_published_form_loses_two_digits_at_a_dead_centre():
+def test_a_dead_centre_at_a_zero_of_the_published_divisor_costs_no_digit():
     linkage = case.dead_centre_at_zero_v3x()
     angles = case.angles_near(linkage, case.DISTANCES)
     error, condition = case.errors(linkage, "P3", angles)
     assert (error <= case.MAX_UNITS * case.EPS * condition).all()
-    # 21 units at most, 100 times the error of the closed form
-    other = case.published_errors(linkage, angles)
-    assert (other / condition).max() > 5.0 * case.EPS
-    assert np.median(other / error) > 20.0

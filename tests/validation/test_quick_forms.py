@@ -18,6 +18,7 @@ OPTIONAL = {"exudyn", "jax", "mujoco_warp", "pinocchio", "pybullet", "pydrake", 
 QUICK = (
     "certify/all_mechanisms.py",
     "choices/compliance.py",
+    "choices/constants.py numerics.fold_points.NODES 3 0.5",
     "choices/constraint_settings.py",
     "choices/crank_actuation.py",
     "choices/matrices.py",

@@ -10,16 +10,17 @@ Run: python validation/choices/tolerance_study.py [--count N] [--seed N] [--only
 """
 
 import argparse
+import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 from unittest import mock
 
 import numpy as np
 import study_table as sheet
-from random_mechanisms import drives
 
-from mechsim import simulation, units
+from mechsim import catalog, simulation, units
 from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.mechanism.motion_laws import constant
 from mechsim.simulation import Settings, driven_run
@@ -32,6 +33,10 @@ from mechsim.studies.tradeoff.methods import (
     stepping_methods,
     subject_of,
 )
+
+sys.path.append(str(Path(__file__).parents[1] / "robustness"))
+
+from random_catalog_mechanisms import well_conditioned
 
 TURNS = 10.0
 RPM, FRACTION = (1.0, 20_000.0), (1e-3, 1e-8)
@@ -149,7 +154,9 @@ def main() -> None:
     parser.add_argument("--only", metavar="NAME", help="one mechanism of the catalogue")
     options = parser.parse_args()
     random, rows = np.random.default_rng(options.seed), []
-    for linkage in drives(random, options.count, options.only):
+    names = [options.only] if options.only else list(catalog.MECHANISMS)
+    for i in range(options.count):
+        linkage = well_conditioned(names[i % len(names)], random)
         speed, fraction = (float(np.exp(random.uniform(*np.log(sorted(ends))))) for ends in (RPM, FRACTION))
         rows.append(measured(linkage, units.rpm(speed), fraction))
     sheet.show(rows)

@@ -112,11 +112,8 @@ def main() -> int:
                     count.promised += 1
                     row = [f"NOT TUNED: {error}"]
                 columns = (f"{value:.3g}" if isinstance(value, float) else str(value) for value in row)
-                print(
-                    item.name.ljust(20),
-                    *(f"{c:>{w}}" for c, w in zip(columns, (*WIDTHS, 0), strict=False)),
-                    flush=True,
-                )
+                entries = (f"{c:>{w}}" for c, w in zip(columns, (*WIDTHS, 0), strict=False))
+                print(item.name.ljust(20), *entries, flush=True)
     print(f"satisfied: {count.satisfied} of {count.promised}; unreachable: {count.unreachable}")
     print(f"searches over {MAX_SECONDS:g} s: {count.slow}")
     return int(count.satisfied < count.promised or bool(count.slow))

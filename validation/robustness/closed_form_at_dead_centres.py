@@ -1,4 +1,4 @@
-"""Closed forms up to 1e-12 rad from a dead centre, compared with the published form.
+"""Closed forms up to 1e-12 rad from a dead centre.
 
     python validation/robustness/closed_form_at_dead_centres.py
 
@@ -6,14 +6,12 @@ Problem: a four-bar, slider-crank, RSSR and RRSRR with swinging cranks, 1e-1 to 
 centres. Reference: the same intersection of circle and sphere in 50 digits (mpmath), at the crank angle as a
 double; its error is below 1e-40. Errors have the unit condition x eps. The condition is the displacement of
 the point, relative to the longest link, per relative change of the crank angle and of each length, summed,
-by differences in 50 digits. Rounded inputs alone cause about one unit. Published form: the angle by arc
-cosine, then Dvorzhak (2016), eqs (10)-(21). It is accurate at a dead centre, but not near V3x = 0, where it
-divides by zero (../papers/published_form.py).
+by differences in 50 digits. Rounded inputs alone cause about one unit. The published form of the
+unit vector: ../papers/published_form.py.
 """
 
 import sys
 from collections.abc import Callable, Sequence
-from pathlib import Path
 
 import numpy as np
 from mpmath import mp
@@ -21,11 +19,6 @@ from numpy.typing import NDArray
 
 from mechsim import catalog
 from mechsim.kinematics.solvers import KinematicSolver
-from mechsim.kinematics.vector_method.vectors import column, norm
-
-sys.path.append(str(Path(__file__).parents[1] / "papers"))
-
-from published_form import unit_at_angles_published
 
 Array = NDArray[np.float64]
 Vector = Sequence[mp.mpf]
@@ -132,11 +125,7 @@ def exact(linkage: KinematicSolver, angle: float) -> tuple[list[mp.mpf], float]:
         condition = sum(
             rate(lambda k, i=i: 1 + step if k == i else mp.mpf(1)) for i in range(-1, len(values))
         )
-        return point, condition / longest_link(linkage)
-
-
-def longest_link(linkage: KinematicSolver) -> float:
-    return linkage.mechanism.characteristic_length
+        return point, condition / linkage.mechanism.characteristic_length
 
 
 def errors(linkage: KinematicSolver, name: str, angles: Array) -> tuple[Array, Array]:
@@ -146,28 +135,9 @@ def errors(linkage: KinematicSolver, name: str, angles: Array) -> tuple[Array, A
     distances = [
         distance(position, point) for position, (point, _) in zip(positions, references, strict=True)
     ]
-    return np.array(distances) / longest_link(linkage), np.array([condition for _, condition in references])
-
-
-def published_errors(linkage: KinematicSolver, angles: Array) -> Array:
-    """Return errors of P3 by the published form relative to the longest link, (n,); 1 for no number."""
-    result = np.empty(len(angles))
-    for i, f in enumerate(angles):
-        p2 = linkage.crank * np.array([[0.0], [np.cos(f)], [np.sin(f)]])
-        to_crank, axis = p2 - column(linkage.pivot), column(linkage.closed_form.rocker_frame[:, 2])
-        with np.errstate(all="ignore"):
-            l1, l2, l3 = linkage.rocker, norm(to_crank), linkage.coupler
-            angle = np.arccos((l1 * l1 + (l2 - l3) * (l2 + l3)) / (2.0 * l1 * l2))
-            candidates = [
-                unit_at_angles_published(to_crank, axis, angle, np.pi / 2, sign) for sign in (1, -1)
-            ]
-        point, _ = exact(linkage, float(f))
-        distances = [
-            distance(np.asarray(linkage.pivot) + linkage.rocker * p[:, 0], point) for p in candidates
-        ]
-        # the better of both signs counts
-        result[i] = min([gap / longest_link(linkage) for gap in distances if np.isfinite(gap)], default=1.0)
-    return result
+    return np.array(distances) / linkage.mechanism.characteristic_length, np.array(
+        [condition for _, condition in references]
+    )
 
 
 def distance(position: Array, point: list[mp.mpf]) -> float:
@@ -179,14 +149,8 @@ def distance(position: Array, point: list[mp.mpf]) -> float:
 
 def main() -> int:
     linkages = LINKAGES | {"rssr, V3x = 0": (dead_centre_at_zero_v3x(), "P3")}
-    current, published = {}, {}
-    for name, (linkage, point) in linkages.items():
-        angles = angles_near(linkage, DISTANCES)
-        current[name] = errors(linkage, point, angles)
-        if linkage.name == "rssr":
-            published[name] = published_errors(linkage, angles)
+    current = {name: errors(*each, angles_near(each[0], DISTANCES)) for name, each in linkages.items()}
     columns = {name: error for name, (error, _) in current.items()}
-    columns |= {f"{name}, published": error for name, error in published.items()}
     print("distance [rad]  " + "  ".join(columns))
     for i in range(0, len(DISTANCES), 2):
         row = "  ".join(f"{error[i]:{len(name)}.1e}" for name, error in columns.items())
@@ -195,8 +159,6 @@ def main() -> int:
     units = {name: float((error / condition).max() / EPS) for name, (error, condition) in current.items()}
     for name, largest in units.items():
         print(f"  {name}: {largest:.2g}")
-        if name in published:
-            print(f"  {name}, published: {(published[name] / current[name][1]).max() / EPS:.2g}")
     return 0 if max(units.values()) <= MAX_UNITS else 1
 
 

@@ -1,6 +1,5 @@
 """Catalogue mechanisms of random dimensions: rotating or swinging cranks, any transmission angle."""
 
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -21,14 +20,8 @@ SPEED = 20.0 * np.pi
 FIXED = (*SELECTORS, "gear_ratio")
 
 
-def random_catalog_mechanisms(random: np.random.Generator, count: int) -> Iterator[KinematicSolver]:
-    """Yield mechanisms of each kind in turn that can be assembled over most of their range."""
-    for number in range(count):
-        yield random_mechanism(number, random)
-
-
 def random_mechanism(number: int, random: np.random.Generator) -> KinematicSolver:
-    """Return a mechanism whose kind follows from its number."""
+    """Return a mechanism whose kind follows from its number, assembled over most of its range."""
     names = list(catalog.MECHANISMS)
     name = names[number % len(names)]
     while True:
@@ -43,16 +36,30 @@ def random_mechanism(number: int, random: np.random.Generator) -> KinematicSolve
             continue
 
 
-def random_dimensions(name: str, random: np.random.Generator) -> dict[str, Any]:
+def well_conditioned(name: str, random: np.random.Generator) -> KinematicSolver:
+    """Return a mechanism of a kind that turns fully, with a transmission angle above 20 degrees."""
+    while True:
+        try:
+            solver = catalog.make(name, **random_dimensions(name, random, 1.25, 0.25))
+            angles = np.linspace(0.0, REVOLUTION, 181)
+            if solver.crank_range().full and solver.transmission_angle(angles).min() > np.deg2rad(20.0):
+                return solver
+        except MechsimError:
+            continue
+
+
+def random_dimensions(
+    name: str, random: np.random.Generator, factor: float = FACTOR, spread: float = ANGLE_SPREAD
+) -> dict[str, Any]:
     values: dict[str, Any] = {}
     for parameter, row in catalog.parameters(name).items():
         if parameter in FIXED or row.options or row.unit not in ("rad", "m"):
             continue
         default = np.asarray(row.default, dtype=np.float64)
         if row.unit == "rad":
-            value = default + random.uniform(-ANGLE_SPREAD, ANGLE_SPREAD, default.shape)
+            value = default + random.uniform(-spread, spread, default.shape)
         else:
-            value = default * FACTOR ** random.uniform(-1.0, 1.0, default.shape)
+            value = default * factor ** random.uniform(-1.0, 1.0, default.shape)
         values[parameter] = value.item() if value.ndim == 0 else tuple(value.tolist())
     return values
 
