@@ -22,7 +22,13 @@ from mechsim.io.simulate_by_name import simulate as run_in_mujoco
 from mechsim.kinematics.loops.record import with_all_joints
 from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.mechanism.motion import select_instants
-from mechsim.mechanism.motion_laws import CrankProfile, constant, interval_around, make_motion_laws
+from mechsim.mechanism.motion_laws import (
+    CrankProfile,
+    constant,
+    interval_around,
+    make_motion_laws,
+    revolutions_to,
+)
 from mechsim.mechanism.scene import Scene
 from mechsim.simulation.run import Run
 from mechsim.simulation.settings import SettingOptions, Settings, plain_settings
@@ -199,7 +205,7 @@ def _constant_speed(solver: KinematicSolver, speed: float, turns: float) -> Cran
     """Return the crank's motion at constant speed; raise AssemblyError if it leaves the crank's range."""
     arcs = known_crank_range(solver)
     if arcs is not None and (arcs.full or not arcs.arcs):
-        return constant(speed, turns)
+        return constant(speed, turns, revolutions_to(solver.mechanism.start))
     profile = constant(speed, turns, solver.mechanism.start)
     if arcs is None:
         return profile

@@ -17,6 +17,7 @@ from mechsim.cli.progress import progress
 from mechsim.errors import InputError, several
 from mechsim.kinematics.solvers import KinematicSolver
 from mechsim.mechanism.motion import Motion
+from mechsim.mechanism.motion_laws import revolutions_to
 from mechsim.numerics.arrays import Array, unique
 from mechsim.numerics.resources import require_memory
 from mechsim.units import crank_speed, option, parse_angles
@@ -137,6 +138,9 @@ def _task(solver: KinematicSolver, options: SolveOptions) -> SolveTask:
         warn_about_angles("--angles", options.angles or ANGLES, solver.written.angle)
     else:
         angles = np.linspace(0.0, 2.0 * np.pi, samples)
+    if not options.angles:
+        # a screw does not return after a revolution
+        angles = angles + revolutions_to(solver.mechanism.start)
     start = solver.starting_at(angles, speed)
     return SolveTask(start, angles, lambda q: start.solve(q, speed), f"{len(angles):,} crank angles")
 

@@ -39,8 +39,8 @@ KIND_OF: dict[str, Any] = {
     "continuous": "revolute",
     **{kind: kind for kind in ("revolute", "prismatic", "universal", "fixed")},
 }
-# limits that stand for none, gravity without any, and the frame of the model
-UNLIMITED, GRAVITY, MODEL = 1e16, "0 0 -9.8", "__model__"
+# gravity without any, and the frame of the model
+GRAVITY, MODEL = "0 0 -9.8", "__model__"
 # versions in which directions of axes are in the frame of the model, not in that of the joint
 IN_MODEL = ("1.0", "1.2", "1.3", "1.4")
 # elements that are read: element -> those in it; "axis2" also stands for the
@@ -151,8 +151,7 @@ def _add_joint(contents: FileContents, element: Element, frames: Mapping[str, El
         return
     contents.positions[name] = position
     low, high = (position + _number(axis, f"limit/{side}", sign * np.inf) for side, sign in LIMITS)
-    if low > -UNLIMITED or high < UNLIMITED:
-        contents.ranges[name] = low if low > -UNLIMITED else -np.inf, high if high < UNLIMITED else np.inf
+    contents.ranges[name] = low, high
     friction = Friction(name, _number(axis, "dynamics/damping"), _number(axis, "dynamics/friction"))
     contents.friction += [friction] if friction.viscous or friction.coulomb else []
     rest = position + _number(axis, "dynamics/spring_reference")

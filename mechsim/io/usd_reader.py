@@ -262,8 +262,7 @@ def _add_axis_data(scene: SceneReader, prim: Any, name: str, value: float, axis:
         ("lowerLimit", "upperLimit") if own else (f"limit:{which}:physics:{end}" for end in ("low", "high"))
     )
     low, high = (_numbers(prim, end)[0] * unit for end in limits)
-    if np.isfinite(low) or np.isfinite(high):
-        contents.ranges[name] = float(np.nan_to_num(low, nan=-np.inf)), float(np.nan_to_num(high, nan=np.inf))
+    contents.ranges[name] = float(low), float(high)
     prefix = f"drive:{which}:{PHYSICS}"
     # forces in the unit of the file: torques from [kg m2/s2], forces from [kg m/s2]
     force = scene.kilogram * scene.metre ** (2 if hinge else 1)

@@ -17,7 +17,7 @@ from mechsim.kinematics.loops.motion import driven_path, solve_along, solve_pres
 from mechsim.kinematics.loops.path import Instants, LoopPath
 from mechsim.kinematics.loops.start import with_closed_guess
 from mechsim.kinematics.path_instants import path_instants
-from mechsim.mechanism.limits import Ranges
+from mechsim.mechanism.limits import UNLIMITED, Ranges
 from mechsim.mechanism.links import VIRTUAL_PREFIX
 from mechsim.mechanism.mechanism import Mechanism
 from mechsim.mechanism.motion import ChangePointPolicy, Motion, short_repr
@@ -56,7 +56,8 @@ class KinematicSolver:
         forces: applied forces; None if the description defines none.
         initial: initial state of forward dynamics, J.q and J.v of coordinates, in SI; empty for none.
         motion_laws: motion laws of the drivers; `CRANK` for a crank at any speed.
-        ranges: joint -> lower and upper limit, in [m] or [rad]; infinite where there is none.
+        ranges: joint -> lower and upper limit, in [m] or [rad]; infinite where there is none, as beyond what
+            MuJoCo accepts as a number.
         restitution: joint -> coefficient of restitution at its limits; others have that of the run.
         written: units that its file declares.
         comment: first sentence of its file's comment; empty for none.
@@ -94,6 +95,13 @@ class KinematicSolver:
     def __post_init__(self) -> None:
         if not self.described.joints:
             raise InputError(f"{self.name}: no body can move; give one a joint")
+        limits = {
+            name: (low if low > -UNLIMITED else -np.inf, high if high < UNLIMITED else np.inf)
+            for name, (low, high) in self.ranges.items()
+        }
+        object.__setattr__(
+            self, "ranges", {name: own for name, own in limits.items() if np.isfinite(own).any()}
+        )
 
     @classmethod
     def by_formula(cls, formula: ClosedForm) -> KinematicSolver:

@@ -11,6 +11,8 @@ from mechsim.numerics.arrays import REVOLUTION, ROUNDING, Array, unique
 # instants per revolution of the crank or the path parameter at which ranges are checked, and their maximum
 INSTANTS, MAX_INSTANTS = 256, 65536
 
+# magnitude of a limit from which on there is none: the largest number that MuJoCo accepts (mjMAXVAL)
+UNLIMITED = 1e10
 Ranges = Mapping[str, tuple[float, float]]
 NO_RANGES: Ranges = {}
 

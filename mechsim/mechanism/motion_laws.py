@@ -60,6 +60,11 @@ class CrankProfile:
         return 1 if self.steady else MIN_INSTANTS
 
 
+def revolutions_to(angle: float) -> float:
+    """Return the whole revolutions in [rad] nearest to an angle: 0 for one in [-pi, pi)."""
+    return float(REVOLUTION * np.floor((angle + np.pi) / REVOLUTION))
+
+
 @dataclass(frozen=True, slots=True)
 class Arcs:
     """Intervals of crank angle.
@@ -75,7 +80,7 @@ class Arcs:
     @classmethod
     def between(cls, low: float, high: float) -> Arcs:
         """Return one interval, which starts in [-pi, pi)."""
-        revolution = REVOLUTION * np.floor((low + np.pi) / REVOLUTION)
+        revolution = revolutions_to(low)
         return cls(False, ((low - revolution, high - revolution),))
 
     def start(self) -> float:
@@ -170,7 +175,7 @@ def within_range(
         AssemblyError: if the mechanism cannot be assembled at that angle.
     """
     if arcs.full:
-        return constant(speed, turns)
+        return constant(speed, turns, revolutions_to(mechanism.start))
     angle = mechanism.start if through is None else through
     interval = interval_around(arcs, angle)
     if interval is None:

@@ -18,7 +18,7 @@ from mechsim.mechanism.links import GROUND, Pose
 from mechsim.mechanism.masses import summary
 from mechsim.mechanism.mechanism import Mechanism, Up
 from mechsim.mechanism.motion import Motion, select_instants
-from mechsim.mechanism.motion_laws import constant, interval_around, make_motion_laws, steady, within_range
+from mechsim.mechanism.motion_laws import interval_around, make_motion_laws, steady, within_range
 from mechsim.numerics.arrays import REVOLUTION, Array
 from mechsim.numerics.graphs import components
 from mechsim.pictures.render.drawn_model import drawn_as
@@ -125,8 +125,7 @@ def repeated_landmarks(landmarks: Iterable[Landmark], angles: Array) -> list[Lan
 def _ghost(solver: KinematicSolver, speed: float) -> GhostTrack | None:
     """Return where MuJoCo's stepped run puts the links, over rising angles; None where it cannot run."""
     try:
-        arcs = solver.crank_range()
-        profile = constant(speed, 1.0) if arcs.full else within_range(solver.mechanism, arcs, speed)
+        profile = within_range(solver.mechanism, solver.crank_range(), speed)
         run = stepped(solver, profile, SAMPLES // 2)
     except MechsimError:
         return None

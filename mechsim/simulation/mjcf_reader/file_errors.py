@@ -127,7 +127,8 @@ def _numbers(spec: mujoco.MjSpec, model: mujoco.MjModel) -> Iterator[tuple[str, 
         own = slice(coordinates[i], coordinates[i + 1])
         positions = [model.jnt_pos[i], model.qpos0[own], model.qpos_spring[own]]
         yield "joint", joint, np.concatenate(positions), MAX_LENGTH
-        yield "joint", joint, numbers_in("jnt", i, "axis", "range", "solref", "solimp", "stiffness"), HUGE
+        yield "joint", joint, numbers_in("jnt", i, "range"), np.inf
+        yield "joint", joint, numbers_in("jnt", i, "axis", "solref", "solimp", "stiffness"), HUGE
         yield "joint", joint, numbers_in("dof", dofs, "damping", "armature", "frictionloss"), HUGE
     for tendon in spec.tendons:
         names = ("stiffness", "damping", "lengthspring", "armature")
