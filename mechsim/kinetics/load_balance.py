@@ -16,11 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.errors import InputError, several
+from mechsim.kinetics.contacts import CLOSED_GAP
 from mechsim.kinetics.curve_equilibria import EquilibriumCurve, curve_through, tangents_next_to
 from mechsim.kinetics.dynamic_run import Initial
 from mechsim.kinetics.linearization import independent_rates, reduced_forces
 from mechsim.kinetics.state_quantities import load_displacement, values_at
-from mechsim.kinetics.statics import prepared_equations, pulls_under
+from mechsim.kinetics.statics import limits_next_to, prepared_equations, pulls_under
 from mechsim.mechanism.forces import Forces
 from mechsim.mechanism.quantity import Quantity
 from mechsim.numerics.arrays import Array, wrapped
@@ -77,7 +78,7 @@ def load_curve(
         load: displacement on which the load does work: a joint coordinate "J", a component "P.x" of a point,
             or "distance:P,Q".
         forces: other applied forces; the default is those of the source.
-        between: interval of the displacement in SI that the curve must not leave.
+        between: interval of the displacement in SI that the curve must not leave, nor the limits of joints.
         initial: coordinates `J.q` of a configuration of the curve.
 
     Raises:
@@ -88,9 +89,12 @@ def load_curve(
     name, dofs = equations.model.mechanism.name, independent_rates(equations, q).shape[1]
     if dofs != 1:
         raise InputError(f"{name} has {dofs} degrees of freedom, and a load curve needs one; lock joints")
-    curve, start = _dense(curve_through(equations, q))
+    limits = limits_next_to(equations, q, getattr(equations.model.solver, "ranges", {}))
+    curve, start = _dense(curve_through(equations, q, limits))
     displacement = _displacements(curve, quantity, start)
-    within = (displacement >= between[0]) & (displacement <= between[1])
+    inside, between = _within_limits(curve, limits, load, start, between, displacement[start])
+    required = (displacement >= between[0]) & (displacement <= between[1])
+    within = required & inside
     if not within[start]:
         raise InputError(
             f"{name}: {load} is {displacement[start]:.6g} at the start of the load curve, outside "
@@ -112,7 +116,7 @@ def load_curve(
             ).tolist()
     points, moved = last - first, [False, False]
     for side, k, row, inner in ((0, first - 1, first - 1, first), (1, last - 1, last, last - 1)):
-        if 0 <= row < len(within) and not within[row]:
+        if 0 <= row < len(within) and not required[row]:
             end = between[int(displacement[row] > between[1])]
             moved[side] = abs(displacement[inner] - end) > effect
             if moved[side]:
@@ -136,14 +140,29 @@ def load_curve(
     rising = (np.append(0.0, rise) + np.append(rise, 0.0)) * signs > 0.0
     peaks = ((rise[1:] > 0.0) != (rise[:-1] > 0.0)) & joined[1:] & joined[:-1]
     turns = 1 + np.flatnonzero(peaks & ((rise[1:] != 0.0) | (rise[:-1] != 0.0)) & ~pulling[1:-1])
-    limits = [(*_limit_point(curve, quantity, int(rows[k])),) for k in turns]
+    turning = [(*_limit_point(curve, quantity, int(rows[k])),) for k in turns]
     nearest = displacement[rows][turns]
-    limit_points = np.reshape(limits, (-1, 2))
+    limit_points = np.reshape(turning, (-1, 2))
     if quantity.angle:
         # the same revolution as that of the curve
         limit_points[:, 1] = nearest + wrapped(limit_points[:, 1] - nearest)
     coordinates = {joint: q.values[i] for joint, i in equations.loops.tree.index_of.items()}
     return LoadCurve(values, displacement[rows], coordinates, rising & ~pulling, limit_points, pulling)
+
+
+def _within_limits(
+    curve: EquilibriumCurve, limits: Array, load: str, start: int, between: tuple[float, float], first: float
+) -> tuple[NDArray[np.bool_], tuple[float, float]]:
+    """Return the points within the limits of all coordinates, and the displacements within those of its own.
+
+    `first` is the displacement at the start, which limits may only exceed by rounding.
+    """
+    values, index = curve.q.values, curve.equations.loops.tree.index_of.get(load)
+    if index is not None:
+        low, high = limits[:, index] - values[index, start]
+        between = max(between[0], first + min(low, 0.0)), min(between[1], first + max(high, 0.0))
+    beyond = np.abs(np.clip(values, *limits[..., None]) - values) > CLOSED_GAP
+    return beyond.sum(0) == 0, between
 
 
 def _dense(curve: EquilibriumCurve) -> tuple[EquilibriumCurve, int]:

@@ -132,10 +132,10 @@ def equilibria(
     the loops in any assembly mode. Coulomb friction is ignored; loads over time have their value at time
     zero. If every configuration of the search is an equilibrium, the initial one is returned. Equilibria
     beyond limits of joints are left out, and those at stops that press are added. With several degrees of
-    freedom, the same search runs with coordinates locked at their limits: each alone, and those together
-    beyond which another equilibrium lies, in `STOP_SETS` sets at most. Contacts only push and ropes only
-    pull: the search is repeated with those open or slack that would pull, push or overlap, and with each set
-    of them, in `OPEN_SETS` sets at most.
+    freedom, the same search runs with coordinates locked at their limits: each alone, those together beyond
+    which another equilibrium lies or that press, and more where there is none, in `STOP_SETS` sets at most.
+    Contacts only push and ropes only pull: the search is repeated with those open or slack that would pull,
+    push or overlap, and with each set of them, in `OPEN_SETS` sets at most.
 
     Args:
         source: a mechanism, or an object that has one.
@@ -309,17 +309,18 @@ def _at_several_stops(
         beyond: equilibria without stops.
     """
     (starts, assemblies, seed), ranges, tree = search, model.solver.ranges, equations.loops.tree
-    dof = independent_rates(equations, equations.start).shape[1]
-    ends = [(name, limit) for name, limits in ranges.items() if name in tree.index_of for limit in limits]
+    limited = [name for name in ranges if name in tree.index_of]
+    ends = [(name, end) for name in limited for end in ranges[name] if abs(end) < np.inf]
+    first = equations.start.values[:, 0]
+    at_start = {name: end for name, end in ends if abs(first[tree.index_of[name]] - end) <= CLOSED_GAP}
     waiting = [_beyond(model, each.q, ranges) for each in beyond]
-    waiting += [{name: limit} for name, limit in ends if np.isfinite(limit)]
-    tried: list[dict[str, float]] = [{}]
+    waiting += [at_start, *({name: end} for name, end in ends)]
+    tried, resting = [dict[str, float]()], list[Coordinates]()
     while waiting and len(tried) <= STOP_SETS:
         limits = waiting.pop(0)
         if limits in tried:
             continue
         tried.append(limits)
-        moving = len(limits) < dof
         try:
             closed, start = prepared_equations(
                 model, None, {f"{name}.q": limit for name, limit in limits.items()}
@@ -330,22 +331,27 @@ def _at_several_stops(
         locked = [closed.loops.tree.index_of[name] for name in limits]
         loops = replace(closed.loops, driven=(*closed.loops.driven, *locked))
         at_limits = replace(closed, loops=loops, start=start)
+        moving = independent_rates(at_limits, start).shape[1] > 0
         random = np.random.default_rng(seed)
         solutions = _searched(at_limits, start, {}, starts, assemblies, random) if moving else None
         states = [RestingState(start, True, 0, False)]
         if moving:
             # everything is at rest, or nothing may be
             states = distinct(at_limits, [(start, True)] if solutions is None else solutions)
+        if not states:
+            waiting += [limits | {name: end} for name, end in ends if name not in limits]
         for state in states:
             further = _beyond(model, _coordinates(at_limits, state.q), ranges)
             if further:
                 waiting.append(limits | further)
                 continue
             stops = _holding_forces(equations, state.q, [*limits])
-            if all(
-                force * (-1.0 if limits[name] == ranges[name][0] else 1.0) < 0.0
-                for name, force in stops.items()
-            ):
+            sides = {name: 1.0 if end == ranges[name][0] else -1.0 for name, end in limits.items()}
+            pressing = {name: end for name, end in limits.items() if stops[name] * sides[name] > 0.0}
+            waiting.append(pressing)
+            # coupled coordinates reach their limits together
+            if pressing == limits and not any(same(equations, state.q, each) for each in resting):
+                resting.append(state.q)
                 stable = not moving or _described(at_limits, state).stable
                 yield _at_rest_on(equations, state, stops, limits, stable)
 
@@ -363,7 +369,7 @@ def _at_stops(
     model: DynamicModel, equations: EquationsOfMotion, start: Coordinates, ranges: Ranges
 ) -> Iterator[Equilibrium]:
     """Yield the equilibria on the curve of assemblies through a start at limits whose stop presses."""
-    tree, limits = equations.loops.tree, _limits_next_to(equations, start, ranges)
+    tree, limits = equations.loops.tree, limits_next_to(equations, start, ranges)
     curve = curve_through(equations, start, limits)
     intervals = np.arange(len(curve.lengths))
     ends = curve.configurations(intervals, curve.lengths)
@@ -411,7 +417,7 @@ def _at_rest_on(
     return replace(at_stop, q={**at_stop.q, **limits}, stable=stable, modes=modes, stops=stops)
 
 
-def _limits_next_to(equations: EquationsOfMotion, q: Coordinates, ranges: Ranges) -> Array:
+def limits_next_to(equations: EquationsOfMotion, q: Coordinates, ranges: Ranges) -> Array:
     """Return the limits of all coordinates in the revolutions of a configuration, (2, count).
 
     A coordinate that is beyond its limits in each revolution has none.
@@ -481,7 +487,7 @@ def _on_curves(
     for q, reached in starting:
         if any(curve.contains(q) for curve in curves) or independent_rates(equations, q).shape[1] != 1:
             continue
-        curves.append(curve_through(equations, q, _limits_next_to(equations, q, ranges)))
+        curves.append(curve_through(equations, q, limits_next_to(equations, q, ranges)))
         on_curve = equilibria_on(curves[-1])
         count = 0 if on_curve is None else len(on_curve)
         solutions += [(on_curve.select(np.array([k])), reached) for k in range(count) if on_curve is not None]

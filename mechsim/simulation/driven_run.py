@@ -351,7 +351,9 @@ def default_tolerance(closed: ClosedModel, motion: Motion) -> float:
     """Return the default position tolerance of a motion, in [m]."""
     names = compress(closed.track.points, closed.driven_points)
     extent = half_extent(motion.points[name].position for name in names)
-    return max(POSITION_TOLERANCE * extent, CLOSED_ERROR * closed.loops.characteristic_length)
+    length = closed.loops.characteristic_length
+    # where no point is determined or moves, the size counts
+    return POSITION_TOLERANCE * (extent if extent > CLOSED_ERROR * length / POSITION_TOLERANCE else length)
 
 
 def solved_run(
