@@ -12,6 +12,7 @@ from mechsim.cli.command import Result, Stated, Without, command
 from mechsim.cli.finding_text import findings_in_json, kind, print_findings
 from mechsim.cli.options import ModelOptions, warn_about_angle
 from mechsim.cli.output import Value, in_colour, number, print_table, print_text, without_noise
+from mechsim.errors import LISTED
 from mechsim.io import gallery
 from mechsim.io.scene_findings import scene_findings
 from mechsim.kinematics.loops.mobility import Determinacy
@@ -150,9 +151,10 @@ def _print_assemblies(data: dict[str, Any], shown: output.OutputUnits) -> None:
         typer.echo(f"no assembly {where}: {reason}")
         return
     points = [x for assembly in assemblies for point in assembly["points"].values() for x in point]
-    coordinates = iter(without_noise([x / shown.converted("m")[0] for x in points]))
+    factor, _ = shown.converted("m")
+    coordinates = iter(without_noise([x / factor for x in points]))
     rows: list[list[Value]] = []
-    for i, assembly in enumerate(assemblies, 1):
+    for i, assembly in enumerate(assemblies[:LISTED], 1):
         chosen = [f"{name} {value:+d}" for name, value in assembly.items() if isinstance(value, int)]
         name = ", ".join(chosen) or (str(i) if len(assemblies) > 1 else "")
         rows += [[name, point, *islice(coordinates, 3)] for point in assembly["points"]]
@@ -160,6 +162,8 @@ def _print_assemblies(data: dict[str, Any], shown: output.OutputUnits) -> None:
     # a mechanism with one assembly needs no column for it
     first = 0 if any(row[0] for row in rows) else 1
     print_table(f"Assemblies {where}", head[first:], [row[first:] for row in rows])
+    if len(assemblies) > LISTED:
+        typer.echo(f"and {len(assemblies) - LISTED:,} more, which --json lists")
     print_text(
         f"{'complete' if data['assemblies_complete'] else 'perhaps more'}: {data['assemblies_reason']}"
     )

@@ -4,7 +4,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar, NamedTuple
 
-from mechsim.errors import InputError
+from mechsim.errors import InputError, first_names
 from mechsim.kinematics.mobility_count import Pairs, pinned, planar_pairs, plane_normal, rigid
 from mechsim.mechanism.links import GROUND
 from mechsim.mechanism.mechanism import Mechanism
@@ -87,7 +87,7 @@ def blocks(
 
 
 def _listed(mechanism: Mechanism, names: set[str | int]) -> str:
-    return ", ".join(link.name for link in mechanism.links if link.name in names)
+    return first_names([link.name for link in mechanism.links if link.name in names])
 
 
 ROMAN = ("", "I", "II", "III", "IV", "V", "VI", "VII", "VIII", "IX", "X")

@@ -180,9 +180,8 @@ def _with_open(
     """
     laws = [law for name, law in _one_sided_laws(model.mechanism).items() if name in opened]
     couplings = tuple(law for law in model.mechanism.couplings if law not in laws)
-    rows = [
-        row for row in prepared_equations(model, None, initial)[0].loops.couplings if row.coupling in laws
-    ]
+    loops = prepared_equations(model, None, initial)[0].loops
+    rows = [(i, row.coupling) for i, row in enumerate(loops.couplings) if row.coupling in laws]
     try:
         results = _with_closed_contacts(
             replace(model, mechanism=replace(model.mechanism, couplings=couplings)), initial, search
@@ -193,8 +192,9 @@ def _with_open(
             raise
         return
     for each in results:
-        gaps = [(-1 if row.coupling.rope else 1) * row.evaluate(each.linear.q.values)[0][0] for row in rows]
-        names = [gap_of(model.mechanism, row.coupling).removesuffix(GAP) for row in rows]
+        errors = loops.coupled(each.linear.q.values)[0][:, 0]
+        gaps = [-errors[i] if law.rope else errors[i] for i, law in rows]
+        names = [gap_of(model.mechanism, law).removesuffix(GAP) for _, law in rows]
         overlapping = {name for name, gap in zip(names, gaps, strict=True) if gap <= CLOSED_GAP}
         yield each, overlapping.union(_pulling(each.contacts))
 
@@ -750,8 +750,8 @@ def _coordinates(equations: EquationsOfMotion, q: Coordinates) -> dict[str, floa
     for i in angles:
         wound = values.copy()
         wound[i] = wrapped(wound[i])
-        change = np.array([row.evaluate(wound)[0] - row.evaluate(values)[0] for row in loops.couplings])
         free = [row.has_revolutions for row in loops.couplings]
+        change = loops.coupled(wound)[0] - loops.coupled(values)[0]
         change[free] = wrapped(change[free])
         if np.abs(change).max(initial=0.0) < CLOSED_GAP and equal_forces(equations, q, wound, basis):
             values = wound

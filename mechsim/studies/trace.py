@@ -28,8 +28,8 @@ from mechsim.numerics.resources import Progress, no_progress
 ON_CURVE = 1e-7
 # singular values below this fraction of the largest count as zero at a pose from a random start
 RANK_TOLERANCE = 1e-5
-# number of failed curves after which the search stops
-MAX_FAILED = 3
+# number of failed curves, and of curves, after which the search stops: a row of n loops has up to 2**n
+MAX_FAILED, MAX_CURVES = 3, 40
 
 
 class CurveSearch:
@@ -94,8 +94,8 @@ class CurveSearch:
             self.add(poses_around_branch_point(self.loops.loops, coordinates), counted=False)
 
     def trace_all(self) -> None:
-        """Trace curves until every pose that can move lies on one."""
-        while len(self.failed) < MAX_FAILED:
+        """Trace curves until every pose that can move lies on one, or there are many."""
+        while len(self.failed) < MAX_FAILED and len(self.curves) < MAX_CURVES:
             waiting = np.flatnonzero((self.curve_index == -1) & (self.dofs == 1))
             if not len(waiting):
                 return
@@ -188,12 +188,14 @@ def add_group_poses(search: CurveSearch, loops: TreeLoops) -> tuple[list[NDArray
         own = link_poses(loops.tree, q).by_link(loops.tree.links)
         poses = {GROUND: IDENTITY} | {name: pose.select(0) for name, pose in own.items()}
         try:
-            every = chain.assemblies(poses).poses
+            groups = chain.assemblies(poses)
         except InputError as error:
             return [], str(error)
-        first = len(search.poses)
+        first, every = len(search.poses), groups.poses
         if every:
             search.add(all_closed(loops, loops.read(joined_poses(every))), counted=False)
+        if not groups.complete:
+            return [], f"its Assur groups have more than {len(every)} poses at a position"
         if len(search.poses) - first == len(every):
             added.append(np.arange(first, len(search.poses)))
     return added, ""

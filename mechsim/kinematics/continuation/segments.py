@@ -318,5 +318,5 @@ def _same_revolutions(
     revolutions = np.where(tree.slides, 0.0, REVOLUTION * np.rint(change / REVOLUTION))
     states = np.concatenate([segment.states for segment in segments])
     values = loops.unflat(states).values + revolutions[:, None]
-    counting = [row for row in loops.loops.couplings if _counted(row).any()]
-    return all(bool((np.abs(row.evaluate(values)[0]) < REPEATED).all()) for row in counting)
+    counting = [bool(_counted(row).any()) for row in loops.loops.couplings]
+    return bool((np.abs(loops.loops.coupled(values)[0][counting]) < REPEATED).all())

@@ -21,8 +21,9 @@ from mechsim.numerics.arrays import REVOLUTION, Array
 from mechsim.numerics.loop_solver import loop_solver
 from mechsim.numerics.rank import rank
 
-# random starts in a batch; the search ends after two batches without another assembly, or after MAX_BATCHES
-BATCH, MAX_BATCHES = 128, 16
+# random starts in a batch; the search ends after two batches without another assembly, after MAX_BATCHES, or
+# with so many assemblies: a row of n loops has up to 2**n
+BATCH, MAX_BATCHES, ENOUGH = 128, 16, 200
 # candidates that are closed together: the eight assemblies of Jansen's leg take 22 ms, and 30 ms alone each
 TOGETHER = 8
 # distance of points in characteristic lengths below which two assemblies are one: closed loops are accurate
@@ -93,7 +94,7 @@ def other_assemblies(
         for _, batch in random_poses(loops, reference, BATCH, seed):
             add(batch)
         without_new = 0 if len(others) > count else without_new + 1
-        if without_new == 2:
+        if without_new == 2 or len(others) >= ENOUGH:
             break
     return others, tuple(families)
 

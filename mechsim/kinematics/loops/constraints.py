@@ -6,9 +6,9 @@ ones are used; an additional equation keeps a passive rotation at its value.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
@@ -28,7 +28,7 @@ from mechsim.mechanism.link_poses import (
 )
 from mechsim.mechanism.links import GROUND, IDENTITY, Pose
 from mechsim.mechanism.mechanism import Mechanism
-from mechsim.numerics.arrays import REVOLUTION, Array
+from mechsim.numerics.arrays import REVOLUTION, Array, polynomial
 from mechsim.numerics.loop_solver import LoopSolver
 
 if TYPE_CHECKING:
@@ -268,26 +268,10 @@ class CoupledRow:
     right_weights: Array
     unit: float
 
-    @cached_property
-    def columns(self) -> NDArray[np.intp]:
-        """Indices of its coordinates."""
-        return np.flatnonzero((self.left_weights != 0.0) | (self.right_weights != 0.0))
-
     @property
     def has_revolutions(self) -> bool:
         """Whether its sides may differ by whole revolutions."""
         return self.coupling.turns and self.unit == 1.0
-
-    def evaluate(self, values: Array) -> tuple[Array, Array, Array]:
-        """Return residuals (n,) in its unit, derivatives by the coordinates (count, n) and p'' (n,)."""
-        value, first, second = self.coupling.polynomial(self.right_weights @ values)
-        residual = (self.left_weights @ values - self.coupling.zeros[0] - value) / self.unit
-        jacobian = (self.left_weights[:, None] - self.right_weights[:, None] * first) / self.unit
-        return residual, jacobian, second
-
-    def velocity_products(self, values: Array, rates: Array) -> Array:
-        """Return the velocity-product terms of the residuals for rates (count, n), (n,)."""
-        return -self.evaluate(values)[2] * (self.right_weights @ rates) ** 2 / self.unit
 
 
 def coupled_rows(tree: SpanningTree) -> tuple[CoupledRow, ...]:
@@ -430,9 +414,50 @@ class TreeLoops:
         """Rows and columns of each block of the Jacobian: those of cut joints, then those of couplings."""
         blocks = [block for group in self.groups for block in group.blocks]
         entries = [(block.rows[:, :, None], block.columns[:, None]) for block in blocks]
-        for k, row in enumerate(self.couplings, self.rows - len(self.couplings)):
-            entries.append((np.array([k]), row.columns))
+        if self.couplings:
+            left, right = self._weights
+            rows, columns = np.nonzero((left != 0.0) | (right != 0.0))
+            entries.append((rows + self.rows - len(self.couplings), columns))
         return entries
+
+    @cached_property
+    def _weights(self) -> Array:
+        """Weights of the coordinates on the left and the right sides of the couplings, (2, k, count)."""
+        weights = [[row.left_weights, row.right_weights] for row in self.couplings]
+        return np.reshape(weights, (len(weights), 2, self.count)).swapaxes(0, 1)
+
+    @cached_property
+    def _laws(self) -> list[tuple[NDArray[np.intp] | int, Callable[[Array], tuple[Array, Array, Array]]]]:
+        """Indices of couplings and their p, p' and p'': functions, and polynomials of a degree together."""
+        laws: list[tuple[NDArray[np.intp] | int, Callable[[Array], tuple[Array, Array, Array]]]] = []
+        alike = dict[int, list[int]]()
+        for i, row in enumerate(self.couplings):
+            if row.coupling.function:
+                laws.append((i, row.coupling.function))
+            else:
+                alike.setdefault(len(row.coupling.coefficients), []).append(i)
+        for which in alike.values():
+            coefficients = np.array([self.couplings[i].coupling.coefficients for i in which]).T[..., None]
+            laws.append((np.array(which), partial(polynomial, coefficients)))
+        return laws
+
+    @cached_property
+    def _zeros_and_units(self) -> Array:
+        """Zero positions of the left and the right side of each coupling, and its unit, (3, k, 1)."""
+        return np.reshape([[*row.coupling.zeros, row.unit] for row in self.couplings], (-1, 3)).T[..., None]
+
+    def coupled(self, values: Array) -> tuple[Array, Array, Array]:
+        """Return residuals of the couplings, without revolutions, p' and p'' at coordinates (count, n).
+
+        They are (k, n) each: left - zeros[0] - p(right - zeros[1]) in the unit of each.
+        """
+        (left, right), (left_zeros, right_zeros, units) = self._weights, self._zeros_and_units
+        offset, gap = right @ values - right_zeros, left @ values - left_zeros
+        first, second = np.empty_like(offset), np.empty_like(offset)
+        for which, law in self._laws:
+            value, first[which], second[which] = law(offset[which])
+            gap[which] -= value
+        return gap / units, first, second
 
     def _evaluated(self, q: Coordinates, poses: LinkPoses) -> tuple[Array, list[Array]]:
         """Return residuals (rows, n), and the values of `_entries`, (..., n)."""
@@ -445,11 +470,14 @@ class TreeLoops:
                 jacobian = np.einsum("irmn,mcin->mrcn", wrench[:, :, block.which], moving)
                 jacobian *= block.gains
                 blocks.append(jacobian)
-        first = self.rows - len(self.couplings)
-        for k, (row, offset) in enumerate(zip(self.couplings, self.turn_offsets, strict=True), first):
-            violation, derivative, _ = row.evaluate(q.values)
-            residual[k] = violation - offset
-            blocks.append(derivative[row.columns] * self.units[row.columns, None])
+        if self.couplings:
+            first = self.rows - len(self.couplings)
+            gaps, rates, _ = self.coupled(q.values)
+            residual[first:] = gaps - np.array(self.turn_offsets)[:, None]
+            rows, columns = self._entries[-1]
+            left, right = self._weights[:, rows - first, columns, None]
+            units = self.units[columns, None] / self._zeros_and_units[2, rows - first]
+            blocks.append((left - right * rates[rows - first]) * units)
         return residual, blocks
 
     def velocity_products(
@@ -459,8 +487,9 @@ class TreeLoops:
         out = np.empty((self.rows, len(q)), twist.dtype)
         for group in self.groups:
             out[group.rows] = group.velocity_products(poses, twist, velocity_product)
-        for k, coupling in enumerate(self.couplings, self.rows - len(self.turn_offsets)):
-            out[k] = coupling.velocity_products(q.values, rates)
+        if self.couplings:
+            swing = (self._weights[1] @ rates) ** 2 / self._zeros_and_units[2]
+            out[-len(self.couplings) :] = -self.coupled(q.values)[2] * swing
         return out
 
     def displaced(self, q: Coordinates, step: Array) -> Coordinates:
@@ -547,8 +576,8 @@ class TreeLoops:
     def revolutions_between(self, q: Coordinates) -> list[Array]:
         """Return the whole revolutions between the sides of each coupling, (n,) in [rad]; 0 of a length."""
         return [
-            REVOLUTION * np.round(row.evaluate(q.values)[0] / REVOLUTION) * row.has_revolutions
-            for row in self.couplings
+            REVOLUTION * np.round(gap / REVOLUTION) * row.has_revolutions
+            for row, gap in zip(self.couplings, self.coupled(q.values)[0], strict=True)
         ]
 
 

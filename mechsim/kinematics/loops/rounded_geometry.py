@@ -247,25 +247,30 @@ def _rotations_to_usual_angles(mechanism: Mechanism) -> tuple[Array, str, float]
         if reference[2].link == rotated[2].link and rotated[0] < tree_joints
     ]
     change, largest, cause = np.zeros((len(mechanism.joints), 2, 6)), 0.0, ""
+    directions = {(i, side): _rotated_axis(end, np.zeros(3)) for i, side, end in sides}
     for number, (reference, rotated) in enumerate(pairs * SWEEPS):
         if number == len(pairs) and not change.any():
             break  # other sweeps would find the same exact angles
-        first, second = (
-            turned_by(end.frame[None], change[i, side, 3:][None])[0, :, 2]
-            for i, side, end in (reference, rotated)
-        )
+        first, second = directions[reference[:2]], directions[rotated[:2]]
+        if (first == second).all():
+            continue
         normal = np.cross(first, second)
         angle = float(np.arctan2(np.linalg.norm(normal), first @ second))
         usual = USUAL_ANGLE * round(angle / USUAL_ANGLE)
         off = usual - angle
         if normal.any() and abs(off) < MAX_ANGLE:
             change[rotated[0], rotated[1], 3:] += off * normal / np.linalg.norm(normal)
+            directions[rotated[:2]] = _rotated_axis(rotated[2], change[rotated[0], rotated[1], 3:])
         if max(largest, EXACT) < abs(off) < MAX_ANGLE:
             right = "parallel" if usual in (0.0, np.pi) else f"{np.rad2deg(usual):.0f} deg"
             names, largest = sorted(mechanism.joints[i].name for i in (reference[0], rotated[0])), abs(off)
             axes = f"the axes of {' and '.join(names)} on {reference[2].link}"
             cause = f"{axes} are {np.rad2deg(largest):.3g} deg off {right}"
     return change, cause, largest
+
+
+def _rotated_axis(end: End, rotation: Array) -> Array:
+    return turned_by(end.frame[None], rotation[None])[0, :, 2]
 
 
 def _least_gap(mechanism: Mechanism) -> str:
