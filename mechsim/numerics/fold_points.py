@@ -59,7 +59,8 @@ def fold_segment(
     """
     rate = direction * last.derivative().states[-1]
     along = last.states @ rate
-    if not (np.diff(along) > 0.0).all():
+    # motions without unknowns, as of an open chain, have no fold points
+    if not (path.loops.unknown.size and (np.diff(along) > 0.0).all()):
         return None
     # y and s of the last segment from -1 to 1, and the vertex of a parabola
     y, scaled = (2.0 * (each - each[0]) / (each[-1] - each[0]) - 1.0 for each in (along, last.nodes))
