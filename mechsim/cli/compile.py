@@ -29,7 +29,7 @@ from mechsim.units import option
 # forces of a prescribed motion that the torques of generated solvers leave out
 NOT_IN_TORQUES = (
     *("friction", "springs", "joint_springs", "nonlinear_springs", "bushings", "loads", "couples"),
-    *("crank_torque", "flywheel", "armature"),
+    *("crank_torque", "flywheel", "actuators"),
 )
 
 
@@ -109,7 +109,8 @@ def _solver(options: ModelOptions) -> SolverCode:
     """Return the solver of a model; a line on stderr names forces that its torques leave out."""
     options.require_other_drivers()
     code = solver_code(assembly(options.load()))
-    forces = forces_of(code.assembly.source)
+    mechanism = code.assembly.source.mechanism
+    forces = forces_of(code.assembly.source).under_drivers({*mechanism.drivers, *mechanism.locked})
     without = [name.replace("_", " ") for name in NOT_IN_TORQUES if getattr(forces, name)]
     if code.inertias is not None and without:
         print_stderr(

@@ -165,7 +165,7 @@ def check_table(checks: Sequence[Check]) -> tuple[tuple[str, ...], list[tuple[st
 def tolerances_of(
     rows: Iterable[ComparedQuantity], method: str, scales: Mapping[str, float], requested: Requested
 ) -> dict[str, Tolerance]:
-    """Return the tolerances of quantities for a method; of those that it has none, nothing."""
+    """Return the tolerances of quantities for a method, without those that it does not compute."""
     rules = [(row, row.bounds[method]) for row in rows if method in row.bounds]
     return {
         row.name: rule.tolerance(row.unit, scales[rule.scale or row.scale], requested) for row, rule in rules

@@ -527,9 +527,9 @@ def nearest_equilibrium(
 ) -> Equilibrium:
     """Return the equilibrium that Newton's method reaches from the initial configuration.
 
-    If it reaches one beyond limits, or, where `initial` is empty, none, one where a contact or rope has the
-    wrong sign, or another one that is unstable, return the stable one of least potential energy that
-    `equilibria` finds.
+    If that is beyond limits, return the stable one of least potential energy that `equilibria` finds. Without
+    `initial`, return that one also if it reaches none, an unstable one elsewhere, or one where a contact
+    would have to pull or a rope to push.
 
     Raises:
         AssemblyError: if there is no such equilibrium.

@@ -80,7 +80,7 @@ def live_page(model: Any, solver: KinematicSolver, designs: DesignFamily, speed:
         "transmission": [*_transmissions(solver.mechanism)],
         "loads": [load for load in loads if load["name"] in kept],
         "constant": [load for load in loads if load["name"] not in kept and load["kind"] != "mass"],
-        "uncounted": _uncounted(forces_of(solver)),
+        "uncounted": _uncounted(solver),
         "speed": speed,
         "size": solver.mechanism.characteristic_length,
         "toml": toml,
@@ -275,13 +275,16 @@ def _components(load: LoadProfile, name: str, more: Mapping[str, Any]) -> Iterat
                 yield {"name": f"{name} {'xyz'[i]}", "value": value, "axis": i, "entry": i, **more}
 
 
-def _uncounted(forces: Forces) -> str:
+def _uncounted(solver: KinematicSolver) -> str:
     """Return what the page leaves out of its torques, in words; empty for nothing."""
+    mechanism = solver.mechanism
+    forces = forces_of(solver).under_drivers({*mechanism.drivers, *mechanism.locked})
     present = {
         "friction": bool(forces.friction),
         "springs in joints": bool(forces.joint_springs),
         "springs with their own law and stops": bool(forces.nonlinear_springs),
         "bushings": bool(forces.bushings),
+        "motors of joints that are not driven": bool(forces.actuators),
         "loads that vary": any(load.over is not None for load in forces.load_profiles),
     }
     return ", ".join(name for name, acts in present.items() if acts)

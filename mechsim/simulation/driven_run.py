@@ -349,11 +349,13 @@ def first_state(closed: ClosedModel, profile: CrankProfile) -> tuple[Array, Arra
 
 def default_tolerance(closed: ClosedModel, motion: Motion) -> float:
     """Return the default position tolerance of a motion, in [m]."""
+    length = closed.loops.characteristic_length
     names = compress(closed.track.points, closed.driven_points)
     extent = half_extent(motion.points[name].position for name in names)
-    length = closed.loops.characteristic_length
-    # where no point is determined or moves, the size counts
-    return POSITION_TOLERANCE * (extent if extent > CLOSED_ERROR * length / POSITION_TOLERANCE else length)
+    if closed.undetermined_points.all():
+        # the drivers move no point
+        extent = length
+    return max(POSITION_TOLERANCE * extent, CLOSED_ERROR * length)
 
 
 def solved_run(

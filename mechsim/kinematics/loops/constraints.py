@@ -488,8 +488,8 @@ class TreeLoops:
         for group in self.groups:
             out[group.rows] = group.velocity_products(poses, twist, velocity_product)
         if self.couplings:
-            swing = (self._weights[1] @ rates) ** 2 / self._zeros_and_units[2]
-            out[-len(self.couplings) :] = -self.coupled(q.values)[2] * swing
+            squared_rates = (self._weights[1] @ rates) ** 2 / self._zeros_and_units[2]
+            out[-len(self.couplings) :] = -self.coupled(q.values)[2] * squared_rates
         return out
 
     def displaced(self, q: Coordinates, step: Array) -> Coordinates:
